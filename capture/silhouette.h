@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "capture/capture.h"
+#include "model/progress.h"
+#include "model/stage_summary.h"
+
+namespace sweepfit {
+
+struct SegmentOptions {
+  // auto: given masks where there are any, else plate, else chroma.
+  // plate | chroma | both | masks force one.
+  std::string mode = "auto";
+  // Noise floor of a plate in CIELAB units; a single plate cannot tell.
+  double sigma_l = 2.5;
+  double sigma_ab = 1.5;
+  // Share of the squared lightness difference that counts: shadows darken
+  // without changing colour.
+  double lightness_weight = 0.25;
+  // Hysteresis on the squared Mahalanobis distance.
+  double threshold_high = 25;
+  double threshold_low = 9;
+
+  std::optional<std::string> Check() const;
+};
+
+// What one camera saw of the person in one pose.
+struct View {
+  Camera camera;
+  cv::Mat3b image;           // as taken
+  cv::Mat1f coverage;        // as taken: share of each pixel covered, 0..1
+  // Signed distance to the silhouette in pixels, negative inside, over the
+  // pinhole pixels of K (same size as the picture): sample it at
+  // ProjectPinhole. Sub-pixel at the boundary (coverage 0.5).
+  cv::Mat1f signed_distance;
+  std::string mode;          // how it was segmented
+};
+
+// Segments the pictures of one pose. The result has one view per camera id, in
+// that order. InputError when a picture cannot be used, FitError when no
+// silhouette is left (nobody there).
+std::vector<View> Segment(const Capture& capture,
+                          const CapturePose& pose,
+                          const std::vector<std::string>& camera_ids,
+                          const SegmentOptions& options,
+                          Progress* progress,
+                          StageSummary* summary);
+
+// Signed distance in pinhole pixels of a coverage mask.
+cv::Mat1f SignedDistance(const Camera& camera, const cv::Mat1f& coverage);
+
+// Value and gradient of an image by bilinear interpolation; coordinates outside
+// are clamped to the border.
+struct ImageSample {
+  double value;
+  Eigen::Vector2d gradient;
+};
+ImageSample SampleBilinear(const cv::Mat1f& image, const Eigen::Vector2d& pixel);
+
+// Closed polylines of the 0.5 level of a coverage mask by marching squares, in
+// pixels of the picture, largest enclosed area first; the inside lies to the
+// left when walking along (holes run the other way).
+std::vector<std::vector<Eigen::Vector2d>> SubpixelContours(
+    const cv::Mat1f& coverage);
+
+}  // namespace sweepfit

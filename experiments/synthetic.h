@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "capture/capture.h"
+#include "model/progress.h"
+
+namespace sweepfit {
+
+struct SyntheticOptions {
+  unsigned seed = 1;          // the person: shape, colours, exact posture
+  int num_cameras = 16;       // on a ring, alternately high and low; with 16
+                              // or more every odd one is holdout
+  int width = 800;
+  int height = 800;
+  std::vector<std::string> poses = {"A"};  // A, T, N
+  double yaw_degrees = 10;    // turn of the person about the vertical
+  double shift_x = 0, shift_z = 0;  // metres
+  double noise = 2;           // grey levels of sensor noise
+  bool background = true;     // textured room with plates; false: given masks
+  std::optional<std::string> Check() const;
+};
+
+// Writes a capture folder with pictures, plates and ground truth (joints,
+// surface, masks) of a person that the template does not know: a smooth union
+// of tapered limbs with seeded proportions and bumps, meshed from a level set
+// and drawn by a z-buffer of its own, so that nothing the fit uses also made
+// the data.
+Capture WriteSyntheticCapture(const std::filesystem::path& folder,
+                              const SyntheticOptions& options,
+                              Progress* progress);
+
+}  // namespace sweepfit

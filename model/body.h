@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "model/mesh.h"
+#include "model/skeleton.h"
+#include "model/sweep.h"
+
+namespace sweepfit {
+
+// Where a vertex sits on one sweep, measured at rest:
+//   P = c(u) + R(u) (rho r(u,theta) (cos theta, sin theta, 0) + tau e3)
+struct SweepAttachment {
+  int sweep = -1;    // index into Body::sweeps; -1: unused
+  double weight = 0;
+  double u = 0;
+  double theta = 0;  // radians
+  double rho = 1;    // multiple of the fitted radius
+  double tau = 0;    // metres along the tangent; non-zero beyond the ends only
+};
+
+// A vertex is bound to at most three sweeps, weights summing to 1, heaviest
+// first.
+struct Binding {
+  std::array<SweepAttachment, 3> attachment;
+};
+
+// Parts of the body, for colours in pictures, per-part figures and weights.
+enum class BodyPart : std::uint8_t {
+  kTrunk, kHead, kLArm, kLHand, kRArm, kRHand, kLLeg, kLFoot, kRLeg, kRFoot
+};
+
+// Mesh connectivity that all bodies made from one template share.
+struct BodyTopology {
+  std::vector<Quad> quads;               // counter-clockwise from outside
+  std::vector<std::array<Eigen::Vector2f, 4>> uv;  // per quad corner, [0,1]^2,
+                                                   // v up (0 at the bottom)
+  std::vector<int> mirror_vertex;        // the vertex on the other side
+  std::vector<BodyPart> part;            // per vertex
+};
+
+// An animatable body: skeleton at rest, sweeps, and a closed quad mesh bound
+// to them. A template and a fitted person are both a Body.
+struct Body {
+  Skeleton skeleton;
+  std::vector<Sweep> sweeps;
+  BodyTopology topology;
+  std::vector<Binding> binding;               // per vertex
+  // Refinement of each vertex beyond the sweeps, in its section frame (e1, e2,
+  // tangent of the heaviest attachment), metres; moves with that frame.
+  std::vector<Eigen::Vector3d> displacement_in_section;
+  // What the template was made from or the fit found.
+  double sex = 0.5;       // 0 female .. 1 male
+  double stature = 1.70;  // metres, at rest
+  double mass = 70;       // kg
+
+  int num_vertices() const { return static_cast<int>(binding.size()); }
+};
+
+// Binds vertices, given at rest, to sweeps. `weight` names for each vertex up
+// to three (sweep index, weight) pairs. Each attachment reproduces the vertex
+// exactly at rest: u by Newton on (P - c(u)) . t(u) = 0 from the nearest of 64
+// samples, clamped to the sweep's range, where tau takes the rest.
+void BindVertices(
+    const std::vector<Eigen::Vector3d>& vertices_at_rest,
+    const std::vector<std::vector<std::pair<int, double>>>& sweep_weights,
+    Body* body);
+
+// The joints and frames of the rest pose, root at `root_in_world` = 0.
+JointFrames RestFrames(const Skeleton& skeleton);
+
+// Vertices of the body at rest.
+std::vector<Eigen::Vector3d> RestVertices(const Body& body);
+
+// Vertices in a posture (world, metres). Every vertex follows the motion of
+// its section frames from rest to the posture; where several sweeps meet, the
+// motions are blended as dual quaternions.
+std::vector<Eigen::Vector3d> PoseVertices(const Body& body, const Pose& pose);
+
+// How a vertex moves rigidly in a posture: P_world = rotation P_rest +
+// translation, as used by PoseVertices. For the Jacobians of fits: a change of
+// the rest position d moves the posed vertex by rotation d.
+struct VertexMotion {
+  Eigen::Matrix3d rotation;
+  Eigen::Vector3d translation;
+};
+std::vector<VertexMotion> VertexMotions(const Body& body, const Pose& pose);
+
+// d x_rest / d q for one vertex: the rest position changes by
+// sum_k direction[k] * d log_ratio(sample[k]) where a sample is an element of
+// one sweep's log_ratio (flat index row * K + column).
+struct RestDerivative {
+  struct Term {
+    int sweep;
+    int sample;
+    Eigen::Vector3d direction_at_rest;
+  };
+  std::vector<Term> terms;
+};
+RestDerivative RestByLogRatio(const Body& body, int vertex);
+
+// Replaces the bone lengths; sections keep their size, axes stretch.
+// Vertices follow at the same (u, theta, rho, tau).
+void SetBoneLengths(const std::array<double, kNumJoints>& length, Body* body);
+
+// Multiplies every radius, centre offset, tau, displacement and bone length.
+void ScaleBody(double factor, Body* body);
+
+}  // namespace sweepfit

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "model/body.h"
+
+namespace sweepfit {
+
+// Linear blend skinning: x = sum_b weight_b T_b T_b,rest^-1 x_rest over at
+// most four joints per vertex; weights sum to 1, heaviest first, joint 0 where
+// the weight is 0.
+struct SkinWeights {
+  std::vector<std::array<int, 4>> joint;
+  std::vector<std::array<double, 4>> weight;
+};
+
+struct SkinFit {
+  SkinWeights weights;
+  double rms = 0;  // metres, LBS against sweeps over the sampled poses
+  double max = 0;
+};
+
+// Fits weights so that LBS follows the sweep deformation over sampled poses
+// within the joint limits (SSDR's weight step with fixed bones, Le and Deng
+// 2012): non-negative least squares per vertex over the joints near it.
+// Deterministic for a seed.
+SkinFit FitSkinWeights(const Body& body, int num_poses, unsigned seed);
+
+std::vector<Eigen::Vector3d> PoseVerticesLbs(const Body& body,
+                                             const SkinWeights& weights,
+                                             const Pose& pose);
+
+}  // namespace sweepfit

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "model/body.h"
+#include "model/progress.h"
+#include "model/stage_summary.h"
+#include "solver/landmarks.h"
+
+namespace sweepfit {
+
+struct JointOptions {
+  // sigma: every residual is weighted by its own standard deviation.
+  // simplex: explicit w_image + w_template + w_anthropometric = 1 per bone.
+  // paper: closed form, parent to child, with the simplex weights.
+  std::string mode = "sigma";
+  // Multipliers of the residual families in mode sigma, the convex weights in
+  // modes simplex and paper.
+  struct Weights {
+    double landmark = 1;
+    double template_ratio = 0;  // the template comes from the same tables
+    double anthropometric = 1;
+    double pose = 1;
+    double stature = 1;
+    double silhouette = 1;
+  } weights;
+  double template_sigma = 0.05;  // of a bone's ln(length / stature)
+  std::optional<std::string> Check() const;
+};
+
+// The joints of one pose as estimated.
+struct JointEstimate {
+  Pose pose;
+  JointFrames frames;
+  // 3 x 3 covariance per joint, square metres.
+  std::array<Eigen::Matrix3d, kNumJoints> covariance;
+  // 1 - trace(posterior) / trace(prior), 0 (priors only) .. 1 (images only).
+  std::array<double, kNumJoints> reliability{};
+};
+
+struct JointResult {
+  Skeleton skeleton;            // shared by all poses
+  double sex = 0.5;
+  double stature = 0;
+  std::vector<JointEstimate> poses;
+};
+
+// One Ceres problem over all poses of a person: pose per pose, bone lengths
+// shared by poses and by left and right.
+JointResult EstimateJoints(const std::vector<LandmarkResult>& landmarks,
+                           const JointOptions& options,
+                           Progress* progress,
+                           StageSummary* summary);
+
+}  // namespace sweepfit

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "capture/capture.h"
+#include "capture/silhouette.h"
+#include "model/body.h"
+#include "model/lbs.h"
+#include "model/progress.h"
+#include "model/stage_summary.h"
+#include "solver/fit_body.h"
+#include "solver/joints.h"
+#include "solver/landmarks.h"
+#include "solver/texture.h"
+#include "volume/volume.h"
+
+namespace sweepfit {
+
+// Everything that can be configured about a fit, stage by stage.
+struct FitOptions {
+  SegmentOptions segment;
+  HullOptions volume;
+  LandmarkOptions landmarks;
+  JointOptions joints;
+  LocalOptions local;
+  RefineOptions refine;
+  TextureOptions texture;
+  // The last stage to run: segment, volume, landmarks, joints, global, local,
+  // refine, texture or export.
+  std::string until = "export";
+  std::optional<std::string> Check() const;
+};
+
+// What is known of one pose after a fit.
+struct PoseResult {
+  std::string name;
+  std::vector<View> views;
+  std::optional<Volume> volume;
+  LandmarkResult landmarks;
+  JointEstimate joints;                              // reliability, covariance
+  Pose pose;
+  JointFrames frames;
+  std::vector<Eigen::Vector3d> vertices_in_world;    // of the fitted body
+};
+
+struct FitResult {
+  Body body;
+  std::optional<SkinFit> skin;
+  std::optional<Texture> texture;
+  std::vector<PoseResult> poses;
+  std::vector<std::string> camera_ids;
+  std::vector<StageSummary> stages;                  // in the order they ran
+};
+
+// Runs the stages in order: capture -> silhouettes -> volume -> landmarks ->
+// joints -> body (global, local, refined) -> texture. All poses share one body.
+FitResult Fit(const Capture& capture,
+              const std::vector<std::string>& pose_names,
+              const std::vector<std::string>& camera_ids,
+              const FitOptions& options,
+              Progress* progress);
+
+}  // namespace sweepfit
