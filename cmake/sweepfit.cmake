@@ -2,7 +2,8 @@
 
 function(sweepfit_target_options target)
   target_include_directories(${target} PUBLIC ${sweepfit_SOURCE_DIR})
-  target_compile_options(${target} PRIVATE -Wall -Wextra -Wshadow)
+  target_compile_options(${target} PRIVATE -Wall -Wextra -Wshadow
+    -Wno-deprecated-enum-enum-conversion)
   if(SWEEPFIT_WERROR)
     target_compile_options(${target} PRIVATE -Werror)
   endif()
@@ -15,6 +16,10 @@ endfunction()
 function(sweepfit_library)
   cmake_parse_arguments(ARG "" "NAME" "PUBLIC;PRIVATE;PCH" ${ARGN})
   file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cc)
+  if(NOT sources)  # BOOTSTRAP
+    file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/empty.cc "")
+    set(sources ${CMAKE_CURRENT_BINARY_DIR}/empty.cc)
+  endif()
   add_library(sweepfit_${ARG_NAME} STATIC ${sources})
   add_library(sweepfit::${ARG_NAME} ALIAS sweepfit_${ARG_NAME})
   sweepfit_target_options(sweepfit_${ARG_NAME})
