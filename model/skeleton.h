@@ -72,7 +72,15 @@ struct Pose {
   // world_from_root. Rotating a joint moves the bones that start there.
   std::array<Eigen::Quaterniond, kNumJoints> rotation;
 
-  Pose() { rotation.fill(Eigen::Quaterniond::Identity()); }
+  // Rotation S of the collar bone (neck -> shoulder; left, right) against its
+  // rest direction, in the neck's frame. It moves the shoulder, so the whole
+  // arm, without turning it: raising an arm lifts the shoulder joint.
+  std::array<Eigen::Quaterniond, 2> collar;
+
+  Pose() {
+    rotation.fill(Eigen::Quaterniond::Identity());
+    collar.fill(Eigen::Quaterniond::Identity());
+  }
 };
 
 // Orientation and position of all joints in the world.
@@ -81,7 +89,8 @@ struct JointFrames {
   std::array<Eigen::Vector3d, kNumJoints> joint_in_world;
 };
 
-// Forward kinematics: R_j = R_p Q_j, x_j = x_p + R_p (l_j d_j).
+// Forward kinematics: R_j = R_p Q_j, x_j = x_p + R_p S_j (l_j d_j), where S is
+// the collar rotation for the shoulders and the identity elsewhere.
 JointFrames ForwardKinematics(const Skeleton& skeleton, const Pose& pose);
 
 }  // namespace sweepfit
