@@ -1,0 +1,370 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "solver/config.h"
+
+#include <yaml-cpp/yaml.h>
+
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <sstream>
+#include <type_traits>
+#include <utility>
+#include <variant>
+
+#include "model/input_error.h"
+
+namespace sweepfit {
+namespace {
+
+// Where a key is stored.
+using Target = std::variant<bool*, int*, double*, std::string*>;
+
+struct Entry {
+  std::string key;
+  Target target;
+  std::string meaning;
+};
+
+// The one list of everything that can be configured, grouped by stage.
+std::vector<Entry> Entries(FitOptions* o) {
+  JointOptions::Weights& w = o->joints.weights;
+  return {
+      {"until", &o->until, "last stage to run"},
+      {"segment.mode",
+       &o->segment.mode,
+       "auto | plate | chroma | both | masks"},
+      {"segment.sigma_l", &o->segment.sigma_l, "noise of a plate, CIELAB L"},
+      {"segment.sigma_ab", &o->segment.sigma_ab, "noise of a plate, a and b"},
+      {"segment.lightness_weight",
+       &o->segment.lightness_weight,
+       "share of the squared lightness difference that counts"},
+      {"segment.threshold_high",
+       &o->segment.threshold_high,
+       "squared distance that seeds the silhouette"},
+      {"segment.threshold_low",
+       &o->segment.threshold_low,
+       "squared distance to which seeds grow"},
+      {"volume.mode", &o->volume.mode, "hull"},
+      {"volume.voxel_size", &o->volume.voxel_size, "metres"},
+      {"landmarks.mode", &o->landmarks.mode, "multiview"},
+      {"joints.mode", &o->joints.mode, "sigma | simplex | paper"},
+      {"joints.weights.landmark", &w.landmark, "what the pictures say"},
+      {"joints.weights.template_ratio",
+       &w.template_ratio,
+       "bone ratios of the template"},
+      {"joints.weights.anthropometric",
+       &w.anthropometric,
+       "bone lengths of the population"},
+      {"joints.weights.pose", &w.pose, "likely postures"},
+      {"joints.weights.stature", &w.stature, "measured height"},
+      {"joints.weights.silhouette", &w.silhouette, "limbs inside the pictures"},
+      {"joints.template_sigma",
+       &o->joints.template_sigma,
+       "spread of ln(bone length / stature) around the template"},
+      {"local.mode", &o->local.mode, "rim | hull | paper"},
+      {"refine.enabled", &o->refine.enabled, "move vertices beyond the sweeps"},
+      {"texture.size", &o->texture.size, "texels along each side"},
+  };
+}
+
+std::string ToText(double value) {
+  char text[32];
+  const auto end = std::to_chars(text, text + sizeof(text), value).ptr;
+  return {text, end};
+}
+
+std::string ToText(const Target& target) {
+  return std::visit(
+      [](const auto* value) -> std::string {
+        using T = std::remove_cvref_t<decltype(*value)>;
+        if constexpr (std::is_same_v<T, bool>) {
+          return *value ? "true" : "false";
+        } else if constexpr (std::is_same_v<T, std::string>) {
+          return *value;
+        } else if constexpr (std::is_same_v<T, double>) {
+          return ToText(*value);
+        } else {
+          return std::to_string(*value);
+        }
+      },
+      target);
+}
+
+// The whole text must be a number: "1 mm" is none.
+template <typename T>
+bool ParseNumber(const std::string& text, T* value) {
+  const char* first = text.data();
+  const char* last = first + text.size();
+  const auto [end, error] = std::from_chars(first, last, *value);
+  return error == std::errc() && end == last;
+}
+
+const char* Assign(const std::string& text, bool* value) {
+  if (text != "true" && text != "false") return "true or false";
+  *value = text == "true";
+  return nullptr;
+}
+
+const char* Assign(const std::string& text, int* value) {
+  int parsed = 0;
+  if (!ParseNumber(text, &parsed)) return "a whole number";
+  *value = parsed;
+  return nullptr;
+}
+
+const char* Assign(const std::string& text, double* value) {
+  double parsed = 0;
+  if (!ParseNumber(text, &parsed) || !std::isfinite(parsed)) return "a number";
+  *value = parsed;
+  return nullptr;
+}
+
+const char* Assign(const std::string& text, std::string* value) {
+  if (text.empty()) return "a word";
+  *value = text;
+  return nullptr;
+}
+
+std::string At(const std::string& source, const YAML::Mark& mark) {
+  if (mark.is_null()) return source + ": ";
+  return source + ":" + std::to_string(mark.line + 1) + ": ";
+}
+
+std::vector<std::string> ReadList(const YAML::Node& node,
+                                  const std::string& where,
+                                  const std::string& key) {
+  std::vector<std::string> list;
+  if (node.IsSequence()) {
+    for (const YAML::Node& item : node) {
+      if (!item.IsScalar()) {
+        throw InputError(where + "'" + key + "' must be a list of names");
+      }
+      list.push_back(item.Scalar());
+    }
+  } else if (node.IsScalar()) {
+    std::istringstream text(node.Scalar());
+    for (std::string item; std::getline(text, item, ',');) list.push_back(item);
+  }
+  if (list.empty()) {
+    throw InputError(where + "'" + key + "' must be a list of names");
+  }
+  return list;
+}
+
+// Walks a YAML tree and stores its leaves.
+class Reader {
+ public:
+  Reader(std::string source, FitConfig* config)
+      : source_(std::move(source)),
+        config_(config),
+        entries_(Entries(&config->options)) {}
+
+  void ReadMap(const YAML::Node& map, const std::string& prefix) {
+    std::set<std::string> seen;
+    for (const auto& item : map) {
+      const std::string where = At(source_, item.first.Mark());
+      if (!item.first.IsScalar())
+        throw InputError(where + "a key must be a word");
+      const std::string key = prefix + item.first.Scalar();
+      if (!seen.insert(key).second) {
+        throw InputError(where + "key '" + key + "' is given twice");
+      }
+      Read(key, item.second, where);
+    }
+  }
+
+  void Read(const std::string& key,
+            const YAML::Node& value,
+            const std::string& where) {
+    if (key == "poses") {
+      config_->poses = ReadList(value, where, key);
+    } else if (key == "cameras") {
+      config_->cameras = ReadList(value, where, key);
+    } else if (const Entry* entry = Find(key)) {
+      Store(*entry, value, where);
+    } else if (IsGroup(key)) {
+      ReadGroup(key, value, where);
+    } else {
+      throw InputError(where + "unknown key '" + key + "'");
+    }
+  }
+
+ private:
+  void ReadGroup(const std::string& key,
+                 const YAML::Node& value,
+                 const std::string& where) {
+    if (value.IsNull()) return;  // an empty group changes nothing
+    if (!value.IsMap()) {
+      throw InputError(where + "'" + key + "' must be a group of keys");
+    }
+    ReadMap(value, key + ".");
+  }
+
+  void Store(const Entry& entry,
+             const YAML::Node& value,
+             const std::string& where) {
+    if (!value.IsScalar()) {
+      throw InputError(where + "'" + entry.key + "' must be a single value");
+    }
+    const char* wanted =
+        std::visit([&](auto* target) { return Assign(value.Scalar(), target); },
+                   entry.target);
+    if (wanted != nullptr) {
+      throw InputError(where + "'" + entry.key + "' must be " + wanted +
+                       ", not '" + value.Scalar() + "'");
+    }
+  }
+
+  const Entry* Find(const std::string& key) const {
+    for (const Entry& entry : entries_) {
+      if (entry.key == key) return &entry;
+    }
+    return nullptr;
+  }
+
+  bool IsGroup(const std::string& key) const {
+    for (const Entry& entry : entries_) {
+      if (entry.key.starts_with(key + ".")) return true;
+    }
+    return false;
+  }
+
+  std::string source_;
+  FitConfig* config_;
+  std::vector<Entry> entries_;
+};
+
+YAML::Node LoadYaml(const std::string& text, const std::string& source) {
+  try {
+    return YAML::Load(text);
+  } catch (const YAML::ParserException& error) {
+    throw InputError(At(source, error.mark) + "malformed YAML: " + error.msg);
+  }
+}
+
+std::string FlowList(const std::vector<std::string>& items) {
+  YAML::Emitter out;
+  out << YAML::Flow << items;
+  return out.c_str();
+}
+
+// Writes "key: value  # meaning" lines, opening groups as they come.
+class Writer {
+ public:
+  void Write(const std::string& key,
+             const std::string& value,
+             const std::string& meaning) {
+    std::vector<std::string> parts = Split(key);
+    size_t depth = 0;
+    while (depth + 1 < parts.size() && depth < open_.size() &&
+           open_[depth] == parts[depth]) {
+      ++depth;
+    }
+    open_.resize(depth);
+    for (; depth + 1 < parts.size(); ++depth) {
+      Indent(depth) << parts[depth] << ":\n";
+      open_.push_back(parts[depth]);
+    }
+    Indent(depth) << parts.back() << ": " << value << "  # " << meaning << "\n";
+  }
+  std::string Text() const { return text_.str(); }
+
+ private:
+  static std::vector<std::string> Split(const std::string& key) {
+    std::vector<std::string> parts;
+    std::istringstream stream(key);
+    for (std::string part; std::getline(stream, part, '.');) {
+      parts.push_back(part);
+    }
+    return parts;
+  }
+  std::ostream& Indent(size_t depth) {
+    return text_ << std::string(2 * depth, ' ');
+  }
+
+  std::vector<std::string> open_;
+  std::ostringstream text_;
+};
+
+std::string YamlScalar(const Target& target) {
+  if (!std::holds_alternative<std::string*>(target)) return ToText(target);
+  YAML::Emitter out;
+  out << *std::get<std::string*>(target);
+  return out.c_str();
+}
+
+}  // namespace
+
+int FindFitStage(std::string_view stage) {
+  for (size_t i = 0; i < kFitStages.size(); ++i) {
+    if (kFitStages[i] == stage) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+bool RunsStage(const FitOptions& options, std::string_view stage) {
+  return FindFitStage(stage) <= FindFitStage(options.until);
+}
+
+std::vector<ConfigKey> ConfigKeys() {
+  FitOptions defaults;
+  std::vector<ConfigKey> keys;
+  for (const Entry& entry : Entries(&defaults)) {
+    keys.push_back({entry.key, ToText(entry.target), entry.meaning});
+  }
+  return keys;
+}
+
+void ParseFitConfig(const std::string& yaml_text,
+                    const std::string& source,
+                    FitConfig* config) {
+  const YAML::Node root = LoadYaml(yaml_text, source);
+  if (root.IsNull()) return;
+  if (!root.IsMap()) throw InputError(source + ": must be a map of keys");
+  Reader(source, config).ReadMap(root, "");
+}
+
+void LoadFitConfig(const std::string& path, FitConfig* config) {
+  std::ostringstream text;
+  std::ifstream file(path, std::ios::binary);
+  // A folder opens but does not read.
+  if (!std::filesystem::is_regular_file(path) || !file) {
+    throw InputError(path + ": cannot read the configuration");
+  }
+  text << file.rdbuf();
+  ParseFitConfig(text.str(), path, config);
+}
+
+void ApplySetting(const std::string& setting, FitConfig* config) {
+  const std::string where = "--set " + setting + ": ";
+  const size_t equals = setting.find('=');
+  if (equals == std::string::npos || equals == 0) {
+    throw InputError(where + "must be key=value");
+  }
+  const YAML::Node value =
+      LoadYaml(setting.substr(equals + 1), "--set " + setting);
+  if (!value.IsScalar() && !value.IsSequence()) {
+    throw InputError(where + "must be key=value");
+  }
+  Reader("--set " + setting, config)
+      .Read(setting.substr(0, equals), value, where);
+}
+
+std::string FitConfigToYaml(const FitConfig& config) {
+  FitConfig copy = config;
+  Writer writer;
+  if (config.poses) {
+    writer.Write("poses", FlowList(*config.poses), "poses of one person");
+  }
+  if (config.cameras) {
+    writer.Write("cameras", FlowList(*config.cameras), "cameras to fit");
+  }
+  for (const Entry& entry : Entries(&copy.options)) {
+    writer.Write(entry.key, YamlScalar(entry.target), entry.meaning);
+  }
+  return writer.Text();
+}
+
+}  // namespace sweepfit
