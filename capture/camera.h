@@ -31,6 +31,8 @@ struct Camera {
   // Mean of fx and fy, pixels.
   double FocalLength() const { return 0.5 * (K(0, 0) + K(1, 1)); }
 
+  bool HasDistortion() const;
+
   // The point must lie in front of the camera (z > 0).
   Eigen::Vector2d ProjectPinhole(const Eigen::Vector3d& point_in_world) const;
   Eigen::Vector2d Project(const Eigen::Vector3d& point_in_world) const;
