@@ -15,7 +15,7 @@ struct CutPlaneSection {
   bool found = false;
   bool touches_border = false;  // the component leaves the square
   Eigen::Vector3d centroid_in_world = Eigen::Vector3d::Zero();
-  double area = 0;              // square metres, sub-voxel coverage
+  double area = 0;  // square metres, sub-voxel coverage
   // Half-axes (sqrt of 4 x second moments, i.e. exact for an ellipse) and the
   // in-plane direction of the longer one.
   double half_axis_long = 0;

@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "volume/cut_plane.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace sweepfit {
+namespace {
+
+// How far from the seed the section may begin, metres.
+constexpr double kSeedRadius = 0.03;
+
+// Level set values on a square of the plane.
+struct PlaneGrid {
+  Eigen::Vector3d center_in_world;
+  Eigen::Vector3d axis_a, axis_b;  // unit, in the plane
+  double spacing = 0;
+  int half = 0;  // samples to either side of the centre
+  std::vector<double> value;
+  int side() const { return 2 * half + 1; }
+};
+
+PlaneGrid SamplePlane(const Volume& volume,
+                      const Eigen::Vector3d& center_in_world,
+                      const Eigen::Vector3d& unit_normal,
+                      double half_size) {
+  PlaneGrid grid;
+  grid.center_in_world = center_in_world;
+  grid.axis_a = unit_normal.unitOrthogonal();
+  grid.axis_b = unit_normal.cross(grid.axis_a);
+  grid.spacing = volume.voxel_size();
+  grid.half =
+      std::max(1, static_cast<int>(std::ceil(half_size / grid.spacing)));
+  const int side = grid.side();
+  grid.value.resize(static_cast<size_t>(side) * side);
+  for (int a = 0; a < side; ++a) {
+    const Eigen::Vector3d row =
+        center_in_world + grid.spacing * (a - grid.half) * grid.axis_a;
+    for (int b = 0; b < side; ++b) {
+      grid.value[a * side + b] =
+          volume.Sample(row + grid.spacing * (b - grid.half) * grid.axis_b);
+    }
+  }
+  return grid;
+}
+
+// The inside sample nearest to the centre within kSeedRadius, or -1.
+int FindSeed(const PlaneGrid& grid) {
+  const int reach = std::min(
+      grid.half, static_cast<int>(std::floor(kSeedRadius / grid.spacing)));
+  int best = -1;
+  int best_distance = reach * reach + 1;
+  for (int a = -reach; a <= reach; ++a) {
+    for (int b = -reach; b <= reach; ++b) {
+      const int distance = a * a + b * b;
+      const int at = (a + grid.half) * grid.side() + b + grid.half;
+      if (distance < best_distance && grid.value[at] < 0) {
+        best = at;
+        best_distance = distance;
+      }
+    }
+  }
+  return best;
+}
+
+// Marks the inside samples connected to the seed with 2 and the first outside
+// samples around them, which the section may cover in part, with 1.
+std::vector<char> Flood(const PlaneGrid& grid, int seed, bool* touches_border) {
+  const int side = grid.side();
+  std::vector<char> mark(grid.value.size(), 0);
+  std::vector<int> stack = {seed};
+  mark[seed] = 2;
+  *touches_border = false;
+  while (!stack.empty()) {
+    const int at = stack.back();
+    stack.pop_back();
+    const int a = at / side;
+    const int b = at % side;
+    if (a == 0 || b == 0 || a == side - 1 || b == side - 1) {
+      *touches_border = true;
+      continue;
+    }
+    for (const int next : {at - side, at + side, at - 1, at + 1}) {
+      if (mark[next] == 2) continue;
+      if (grid.value[next] < 0) {
+        mark[next] = 2;
+        stack.push_back(next);
+      } else {
+        mark[next] = 1;
+      }
+    }
+  }
+  return mark;
+}
+
+}  // namespace
+
+CutPlaneSection CutPlane(const Volume& volume,
+                         const Eigen::Vector3d& seed_in_world,
+                         const Eigen::Vector3d& unit_normal,
+                         double half_size) {
+  CutPlaneSection section;
+  const PlaneGrid grid =
+      SamplePlane(volume, seed_in_world, unit_normal, half_size);
+  const int seed = FindSeed(grid);
+  if (seed < 0) return section;
+  const std::vector<char> mark = Flood(grid, seed, &section.touches_border);
+
+  const int side = grid.side();
+  double mass = 0;
+  Eigen::Vector2d first = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
+  for (size_t i = 0; i < mark.size(); ++i) {
+    if (mark[i] == 0) continue;
+    const double covered =
+        std::clamp(0.5 - grid.value[i] / grid.spacing, 0.0, 1.0);
+    const Eigen::Vector2d p =
+        grid.spacing * Eigen::Vector2d(static_cast<int>(i) / side - grid.half,
+                                       static_cast<int>(i) % side - grid.half);
+    mass += covered;
+    first += covered * p;
+    second += covered * p * p.transpose();
+  }
+  if (!(mass > 0)) return section;
+  section.found = true;
+  section.area = mass * grid.spacing * grid.spacing;
+  const Eigen::Vector2d centroid = first / mass;
+  section.centroid_in_world = grid.center_in_world +
+                              centroid.x() * grid.axis_a +
+                              centroid.y() * grid.axis_b;
+  const Eigen::Matrix2d covariance =
+      second / mass - centroid * centroid.transpose();
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
+  eigen.computeDirect(covariance);
+  section.half_axis_short =
+      2 * std::sqrt(std::max(0.0, eigen.eigenvalues()[0]));
+  section.half_axis_long = 2 * std::sqrt(std::max(0.0, eigen.eigenvalues()[1]));
+  const Eigen::Vector2d direction = eigen.eigenvectors().col(1);
+  section.long_direction =
+      direction.x() * grid.axis_a + direction.y() * grid.axis_b;
+  return section;
+}
+
+double RayExit(const Volume& volume,
+               const Eigen::Vector3d& origin,
+               const Eigen::Vector3d& unit_direction,
+               double max_distance) {
+  // The max of cones may change faster than a distance: shorter steps.
+  constexpr double kStepShare = 0.7;
+  const double min_step = 0.25 * volume.voxel_size();
+  double before = 0;
+  double value_before = volume.Sample(origin);
+  if (value_before >= 0) return 0;
+  while (before < max_distance) {
+    const double at = std::min(
+        max_distance, before + std::max(min_step, -kStepShare * value_before));
+    const double value = volume.Sample(origin + at * unit_direction);
+    if (value >= 0) {
+      return before + (at - before) * value_before / (value_before - value);
+    }
+    before = at;
+    value_before = value;
+  }
+  return -1;
+}
+
+}  // namespace sweepfit

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "capture/silhouette.h"
+
+namespace sweepfit {
+
+// The silhouette of one view as a cone in the world,
+//   phi_i(x) = D_i(pi_i(x)) z_i(x) / f_i   [metres; > 0 outside],
+// known where the point lies in front of the camera and inside its frame.
+class SilhouetteCone {
+ public:
+  explicit SilhouetteCone(const View& view);
+
+  // False when the camera does not see the point.
+  bool Evaluate(const Eigen::Vector3d& point_in_world, double* phi) const;
+
+  enum class Sees { kNothing, kPart, kAll };
+  // How much of a ball the camera sees; phi of the centre when it sees all.
+  Sees EvaluateBall(const Eigen::Vector3d& center_in_world,
+                    double radius,
+                    double* phi) const;
+
+  const Eigen::Vector3d& center_in_world() const { return center_in_world_; }
+  // Unit ray through the middle of the silhouette.
+  const Eigen::Vector3d& axis_in_world() const { return axis_in_world_; }
+
+ private:
+  double Distance(double u, double v) const;
+
+  Eigen::Matrix3d pixel_from_world_;  // K R
+  Eigen::Vector3d world_in_pixel_;    // K t
+  Eigen::Vector3d center_in_world_;
+  Eigen::Vector3d axis_in_world_;
+  Eigen::Vector2d principal_point_;
+  double focal_length_;
+  cv::Mat1f signed_distance_;  // shares the view's pixels
+};
+
+// One cone per view, in that order. FitError for an empty silhouette or fewer
+// than two views.
+std::vector<SilhouetteCone> MakeSilhouetteCones(const std::vector<View>& views);
+
+// The point nearest to all cones' axes, least squares. FitError when the axes
+// are parallel.
+Eigen::Vector3d MeetingPoint(const std::vector<SilhouetteCone>& cones);
+
+}  // namespace sweepfit

@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "volume/vdb_grid.h"
+
+#include <glog/logging.h>
+#include <openvdb/io/File.h>
+#include <openvdb/openvdb.h>
+#include <openvdb/tools/MeshToVolume.h>
+#include <openvdb/tools/VolumeToMesh.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <tuple>
+
+#include "model/input_error.h"
+
+namespace sweepfit {
+
+struct VdbGrid {
+  openvdb::FloatGrid::Ptr grid;
+};
+
+namespace {
+
+using Leaf = openvdb::FloatTree::LeafNodeType;
+static_assert(Leaf::DIM == BlockGrid::kSide);
+
+void InitializeOnce() {
+  static const bool done = [] {
+    openvdb::initialize();
+    return true;
+  }();
+  static_cast<void>(done);
+}
+
+openvdb::FloatGrid::Ptr EmptyLevelSet(double voxel_size, double band) {
+  InitializeOnce();
+  auto grid = openvdb::FloatGrid::create(static_cast<float>(band));
+  grid->setTransform(
+      openvdb::math::Transform::createLinearTransform(voxel_size));
+  grid->setGridClass(openvdb::GRID_LEVEL_SET);
+  grid->setName("surface");
+  return grid;
+}
+
+// Magic (8 bytes), file version, library major and minor (4 each) and the
+// offset flag (1) come before the UUID's 36 characters.
+constexpr size_t kUuidOffset = 21;
+constexpr size_t kUuidLength = 36;
+
+// FNV-1a over the bytes; `basis` selects one of several hash functions.
+std::uint64_t Hash(const std::string& bytes, std::uint64_t basis) {
+  std::uint64_t hash = basis;
+  for (const char c : bytes) {
+    hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
+  }
+  return hash;
+}
+
+std::string UuidOf(const std::string& bytes) {
+  const std::uint64_t a = Hash(bytes, 0xcbf29ce484222325ULL);
+  const std::uint64_t b = Hash(bytes, 0x9e3779b97f4a7c15ULL);
+  // Version 8 ("custom"), variant 1.
+  char text[kUuidLength + 1];
+  std::snprintf(text,
+                sizeof text,
+                "%08x-%04x-8%03x-%04x-%012llx",
+                static_cast<unsigned>(a >> 32),
+                static_cast<unsigned>(a >> 16 & 0xffff),
+                static_cast<unsigned>(a & 0xfff),
+                static_cast<unsigned>((b >> 48 & 0x3fff) | 0x8000),
+                static_cast<unsigned long long>(b & 0xffffffffffffULL));
+  return text;
+}
+
+// Makes the bytes of a .vdb file depend on its content only.
+void OverwriteUuid(std::string* bytes) {
+  CHECK_GE(bytes->size(), kUuidOffset + kUuidLength);
+  CHECK_EQ((*bytes)[kUuidOffset + 8], '-') << "unexpected .vdb header";
+  std::fill_n(bytes->begin() + kUuidOffset, kUuidLength, '0');
+  bytes->replace(kUuidOffset, kUuidLength, UuidOf(*bytes));
+}
+
+}  // namespace
+
+std::shared_ptr<const VdbGrid> MakeVdbGrid(const BlockGrid& blocks) {
+  auto grid = EmptyLevelSet(blocks.voxel_size(), blocks.band());
+  const auto band = static_cast<float>(blocks.band());
+  openvdb::FloatTree& tree = grid->tree();
+  for (const BlockGrid::Block& block : blocks.blocks()) {
+    const openvdb::Coord origin(block.index.x() * BlockGrid::kSide,
+                                block.index.y() * BlockGrid::kSide,
+                                block.index.z() * BlockGrid::kSide);
+    const auto [low, high] =
+        std::minmax_element(block.values.begin(), block.values.end());
+    if (*low >= band) continue;
+    if (*high <= -band) {
+      tree.addTile(1, origin, -band, false);
+      continue;
+    }
+    auto* leaf = new Leaf(origin, band, false);
+    for (int o = 0; o < BlockGrid::kBlockSize; ++o) {
+      const float value = block.values[o];
+      if (std::abs(value) < band) {
+        leaf->setValueOn(o, value);
+      } else {
+        leaf->setValueOff(o, value);
+      }
+    }
+    tree.addLeaf(leaf);
+  }
+  return std::make_shared<VdbGrid>(VdbGrid{grid});
+}
+
+std::shared_ptr<const VdbGrid> MakeVdbGrid(const TriangleMesh& mesh,
+                                           double voxel_size,
+                                           double band) {
+  InitializeOnce();
+  std::vector<openvdb::Vec3s> points;
+  points.reserve(mesh.vertices.size());
+  for (const Eigen::Vector3d& v : mesh.vertices) {
+    points.emplace_back(v.x(), v.y(), v.z());
+  }
+  std::vector<openvdb::Vec3I> triangles;
+  triangles.reserve(mesh.triangles.size());
+  for (const Triangle& t : mesh.triangles)
+    triangles.emplace_back(t[0], t[1], t[2]);
+  const auto transform =
+      openvdb::math::Transform::createLinearTransform(voxel_size);
+  auto grid = openvdb::tools::meshToLevelSet<openvdb::FloatGrid>(
+      *transform, points, triangles, static_cast<float>(band / voxel_size));
+  grid->setName("surface");
+  return std::make_shared<VdbGrid>(VdbGrid{grid});
+}
+
+BlockGrid MakeBlockGrid(const VdbGrid& vdb, double voxel_size, double band) {
+  const auto limit = static_cast<float>(band);
+  std::vector<BlockGrid::Block> blocks;
+  const openvdb::FloatTree& tree = vdb.grid->tree();
+  for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) {
+    const openvdb::Coord origin = leaf->origin();
+    BlockGrid::Block block;
+    block.index =
+        Eigen::Vector3i(origin.x(), origin.y(), origin.z()) / BlockGrid::kSide;
+    for (int o = 0; o < BlockGrid::kBlockSize; ++o) {
+      block.values[o] = std::clamp(leaf->getValue(o), -limit, limit);
+    }
+    blocks.push_back(block);
+  }
+  auto tile = tree.cbeginValueAll();
+  tile.setMaxDepth(openvdb::FloatTree::ValueAllCIter::LEAF_DEPTH - 1);
+  for (; tile; ++tile) {
+    if (*tile >= 0) continue;
+    const openvdb::CoordBBox box = tile.getBoundingBox();
+    for (int x = box.min().x(); x <= box.max().x(); x += BlockGrid::kSide) {
+      for (int y = box.min().y(); y <= box.max().y(); y += BlockGrid::kSide) {
+        for (int z = box.min().z(); z <= box.max().z(); z += BlockGrid::kSide) {
+          BlockGrid::Block block;
+          block.index = Eigen::Vector3i(x, y, z) / BlockGrid::kSide;
+          block.values.fill(-limit);
+          blocks.push_back(block);
+        }
+      }
+    }
+  }
+  std::sort(blocks.begin(), blocks.end(), [](const auto& a, const auto& b) {
+    return std::make_tuple(a.index.x(), a.index.y(), a.index.z()) <
+           std::make_tuple(b.index.x(), b.index.y(), b.index.z());
+  });
+  return BlockGrid(voxel_size, band, std::move(blocks));
+}
+
+TriangleMesh MeshVdbGrid(const VdbGrid& vdb) {
+  std::vector<openvdb::Vec3s> points;
+  std::vector<openvdb::Vec4I> vdb_quads;
+  openvdb::tools::volumeToMesh(*vdb.grid, points, vdb_quads, 0.0);
+  TriangleMesh mesh;
+  mesh.vertices.reserve(points.size());
+  for (const openvdb::Vec3s& p : points) {
+    mesh.vertices.emplace_back(p.x(), p.y(), p.z());
+  }
+  std::vector<Quad> quads;
+  quads.reserve(vdb_quads.size());
+  for (const openvdb::Vec4I& q : vdb_quads) {
+    // OpenVDB orders quads clockwise as seen from outside.
+    quads.push_back({static_cast<int>(q[3]),
+                     static_cast<int>(q[2]),
+                     static_cast<int>(q[1]),
+                     static_cast<int>(q[0])});
+  }
+  mesh.triangles = TriangulateQuads(quads, mesh.vertices);
+  return mesh;
+}
+
+void SaveVdbGrid(const VdbGrid& vdb, const std::string& path) {
+  // OpenVDB writes files only; the part file is ours to patch and rename.
+  const std::string part = path + ".part";
+  try {
+    {
+      openvdb::io::File file(part);
+      file.write({vdb.grid});
+    }
+    std::ifstream in(part, std::ios::binary);
+    std::string bytes((std::istreambuf_iterator<char>(in)),
+                      std::istreambuf_iterator<char>());
+    OverwriteUuid(&bytes);
+    std::ofstream out(part, std::ios::binary | std::ios::trunc);
+    out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    out.close();
+    if (!out) throw InputError(path + ": cannot be written");
+    std::filesystem::rename(part, path);
+  } catch (const openvdb::Exception& error) {
+    std::remove(part.c_str());
+    throw InputError(path + ": cannot be written: " + error.what());
+  } catch (const std::filesystem::filesystem_error& error) {
+    std::remove(part.c_str());
+    throw InputError(path + ": cannot be written: " + error.code().message());
+  }
+}
+
+}  // namespace sweepfit
