@@ -16,7 +16,7 @@ namespace sweepfit {
 // Where a vertex sits on one sweep, measured at rest:
 //   P = c(u) + R(u) (rho r(u,theta) (cos theta, sin theta, 0) + tau e3)
 struct SweepAttachment {
-  int sweep = -1;    // index into Body::sweeps; -1: unused
+  int sweep = -1;  // index into Body::sweeps; -1: unused
   double weight = 0;
   double u = 0;
   double theta = 0;  // radians
@@ -32,16 +32,25 @@ struct Binding {
 
 // Parts of the body, for colours in pictures, per-part figures and weights.
 enum class BodyPart : std::uint8_t {
-  kTrunk, kHead, kLArm, kLHand, kRArm, kRHand, kLLeg, kLFoot, kRLeg, kRFoot
+  kTrunk,
+  kHead,
+  kLArm,
+  kLHand,
+  kRArm,
+  kRHand,
+  kLLeg,
+  kLFoot,
+  kRLeg,
+  kRFoot
 };
 
 // Mesh connectivity that all bodies made from one template share.
 struct BodyTopology {
-  std::vector<Quad> quads;               // counter-clockwise from outside
+  std::vector<Quad> quads;  // counter-clockwise from outside
   std::vector<std::array<Eigen::Vector2f, 4>> uv;  // per quad corner, [0,1]^2,
                                                    // v up (0 at the bottom)
-  std::vector<int> mirror_vertex;        // the vertex on the other side
-  std::vector<BodyPart> part;            // per vertex
+  std::vector<int> mirror_vertex;  // the vertex on the other side
+  std::vector<BodyPart> part;      // per vertex
 };
 
 // An animatable body: skeleton at rest, sweeps, and a closed quad mesh bound
@@ -50,7 +59,7 @@ struct Body {
   Skeleton skeleton;
   std::vector<Sweep> sweeps;
   BodyTopology topology;
-  std::vector<Binding> binding;               // per vertex
+  std::vector<Binding> binding;  // per vertex
   // Refinement of each vertex beyond the sweeps, in its section frame (e1, e2,
   // tangent of the heaviest attachment), metres; moves with that frame.
   std::vector<Eigen::Vector3d> displacement_in_section;
@@ -62,10 +71,12 @@ struct Body {
   int num_vertices() const { return static_cast<int>(binding.size()); }
 };
 
-// Binds vertices, given at rest, to sweeps. `weight` names for each vertex up
-// to three (sweep index, weight) pairs. Each attachment reproduces the vertex
-// exactly at rest: u by Newton on (P - c(u)) . t(u) = 0 from the nearest of 64
-// samples, clamped to the sweep's range, where tau takes the rest.
+// Binds vertices, given at rest, to sweeps. `sweep_weights` names for each
+// vertex one to three (sweep index, positive weight) pairs; weights are scaled
+// to sum to 1. Each attachment reproduces the vertex exactly at rest: u solves
+// (P - c(u)) . t(u) = 0 (the nearest solution where the axis bends around P),
+// clamped to the range of the sweep's keys, where tau takes the rest. Replaces
+// binding and displacements (by zero).
 void BindVertices(
     const std::vector<Eigen::Vector3d>& vertices_at_rest,
     const std::vector<std::vector<std::pair<int, double>>>& sweep_weights,
@@ -103,12 +114,17 @@ struct RestDerivative {
   std::vector<Term> terms;
 };
 RestDerivative RestByLogRatio(const Body& body, int vertex);
+// The same for every vertex, much faster than one by one.
+std::vector<RestDerivative> RestByLogRatio(const Body& body);
 
 // Replaces the bone lengths; sections keep their size, axes stretch.
-// Vertices follow at the same (u, theta, rho, tau).
+// Vertices follow at the same (u, theta, rho, tau). The root's entry is
+// ignored; CHECKs that the others are positive. Stature and mass stay as they
+// are.
 void SetBoneLengths(const std::array<double, kNumJoints>& length, Body* body);
 
-// Multiplies every radius, centre offset, tau, displacement and bone length.
+// Multiplies every radius, centre offset, tau, displacement and bone length,
+// the stature, and the mass by the cube.
 void ScaleBody(double factor, Body* body);
 
 }  // namespace sweepfit

@@ -35,18 +35,19 @@ enum Joint : int {
 };
 
 inline constexpr std::array<std::string_view, kNumJoints> kJointNames = {
-    "root",       "spine",   "neck",    "head",       "head_end",   "l_shoulder",
-    "l_elbow",    "l_wrist", "l_hand_end", "r_shoulder", "r_elbow", "r_wrist",
-    "r_hand_end", "l_hip",   "l_knee",  "l_ankle",    "l_foot_end", "r_hip",
-    "r_knee",     "r_ankle", "r_foot_end"};
+    "root",       "spine",      "neck",       "head",       "head_end",
+    "l_shoulder", "l_elbow",    "l_wrist",    "l_hand_end", "r_shoulder",
+    "r_elbow",    "r_wrist",    "r_hand_end", "l_hip",      "l_knee",
+    "l_ankle",    "l_foot_end", "r_hip",      "r_knee",     "r_ankle",
+    "r_foot_end"};
 
 // Parent of each joint, -1 for the root; a parent precedes its children.
 inline constexpr std::array<int, kNumJoints> kJointParents = {
-    -1,    kRoot,   kSpine,     kNeck,   kHead,      // axis
-    kNeck, kLShoulder, kLElbow, kLWrist,             // left arm
-    kNeck, kRShoulder, kRElbow, kRWrist,             // right arm
-    kRoot, kLHip,   kLKnee,     kLAnkle,             // left leg
-    kRoot, kRHip,   kRKnee,     kRAnkle};            // right leg
+    -1,    kRoot,      kSpine,  kNeck,   kHead,  // axis
+    kNeck, kLShoulder, kLElbow, kLWrist,         // left arm
+    kNeck, kRShoulder, kRElbow, kRWrist,         // right arm
+    kRoot, kLHip,      kLKnee,  kLAnkle,         // left leg
+    kRoot, kRHip,      kRKnee,  kRAnkle};        // right leg
 
 // Joint with this name, or -1.
 int FindJoint(std::string_view name);
