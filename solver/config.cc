@@ -3,6 +3,7 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <filesystem>
@@ -365,6 +366,19 @@ std::string FitConfigToYaml(const FitConfig& config) {
     writer.Write(entry.key, YamlScalar(entry.target), entry.meaning);
   }
   return writer.Text();
+}
+
+nlohmann::ordered_json FitOptionsToJson(const FitOptions& options) {
+  FitOptions copy = options;
+  nlohmann::ordered_json json = nlohmann::ordered_json::object();
+  for (const Entry& entry : Entries(&copy)) {
+    std::string pointer = "/" + entry.key;
+    std::replace(pointer.begin(), pointer.end(), '.', '/');
+    nlohmann::ordered_json& leaf =
+        json[nlohmann::ordered_json::json_pointer(pointer)];
+    std::visit([&leaf](const auto* value) { leaf = *value; }, entry.target);
+  }
+  return json;
 }
 
 }  // namespace sweepfit

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -60,5 +61,8 @@ void ApplySetting(const std::string& setting, FitConfig* config);
 // The whole configuration as YAML, every key with its meaning as a comment.
 // ParseFitConfig of the result gives the same configuration back exactly.
 std::string FitConfigToYaml(const FitConfig& config);
+
+// The options as a JSON object, nested like the keys.
+nlohmann::ordered_json FitOptionsToJson(const FitOptions& options);
 
 }  // namespace sweepfit
