@@ -1,0 +1,372 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "experiments/evaluate.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+
+#include "capture/render.h"
+#include "capture/silhouette.h"
+#include "experiments/result_folder.h"
+#include "model/input_error.h"
+#include "solver/config.h"
+
+namespace sweepfit {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+Json LoadJson(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw InputError(path.string() + ": cannot read the file");
+  try {
+    return Json::parse(file);
+  } catch (const Json::exception&) {
+    throw InputError(path.string() + ": malformed JSON");
+  }
+}
+
+JointPositions ReadJoints(const Json& joints, const fs::path& path) {
+  JointPositions positions;
+  for (int joint = 0; joint < kNumJoints; ++joint) {
+    const std::string name(kJointNames[joint]);
+    try {
+      for (int axis = 0; axis < 3; ++axis) {
+        positions[joint][axis] = joints.at(name).at(axis).get<double>();
+      }
+    } catch (const Json::exception&) {
+      throw InputError(path.string() + ": joint '" + name +
+                       "' is missing or has no three coordinates");
+    }
+  }
+  return positions;
+}
+
+JointPositions FittedJoints(const fs::path& folder, const std::string& pose) {
+  const fs::path path = folder / "joints.json";
+  const Json json = LoadJson(path);
+  if (!json.contains("poses") || !json["poses"].contains(pose)) {
+    throw InputError(path.string() + ": no pose '" + pose + "'");
+  }
+  return ReadJoints(json["poses"][pose], path);
+}
+
+JointPositions TrueJoints(const fs::path& path) {
+  const Json json = LoadJson(path);
+  if (json.value("unit", "m") != "m") {
+    throw InputError(path.string() + ": unit must be m");
+  }
+  if (!json.contains("joints")) {
+    throw InputError(path.string() + ": no key 'joints'");
+  }
+  return ReadJoints(json["joints"], path);
+}
+
+cv::Mat1f LoadResultMask(const fs::path& path, const Camera& camera) {
+  const cv::Mat1b mask = cv::imread(path.string(), cv::IMREAD_GRAYSCALE);
+  if (mask.empty()) throw InputError(path.string() + ": cannot read the mask");
+  if (mask.cols != camera.width || mask.rows != camera.height) {
+    throw InputError(path.string() + ": size differs from camera " + camera.id);
+  }
+  cv::Mat1f coverage;
+  mask.convertTo(coverage, CV_32F, 1.0 / 255);
+  return coverage;
+}
+
+// Everything that the scores of one pose need.
+class PoseEvaluator {
+ public:
+  PoseEvaluator(const Capture& capture,
+                const CapturePose& pose,
+                const fs::path& folder,
+                const std::vector<std::string>& fit_cameras,
+                const SegmentOptions& segment)
+      : capture_(capture),
+        pose_(pose),
+        folder_(folder),
+        fit_cameras_(fit_cameras),
+        segment_(segment),
+        mesh_(LoadPly((folder / ("mesh_" + pose.name + ".ply")).string())) {}
+
+  std::vector<CameraScore> Silhouettes(Progress* progress) const {
+    std::vector<CameraScore> scores;
+    std::vector<cv::Mat1f> masks;
+    for (const CaptureCamera& camera : capture_.cameras) {
+      CameraScore score;
+      score.camera_id = camera.camera.id;
+      score.in_fit = std::find(fit_cameras_.begin(),
+                               fit_cameras_.end(),
+                               score.camera_id) != fit_cameras_.end();
+      const cv::Mat1f mask = Reference(camera.camera, progress, &score);
+      if (mask.empty()) continue;
+      masks.push_back(mask);
+      scores.push_back(score);
+    }
+    tbb::parallel_for(size_t{0}, scores.size(), [&](size_t i) {
+      const Camera& camera = capture_.FindCamera(scores[i].camera_id).camera;
+      scores[i].error = CompareMasks(RenderCoverage(camera, mesh_), masks[i]);
+    });
+    return scores;
+  }
+
+  // Fills what the truth folder has; false when it has nothing.
+  bool Truth(const EvaluateOptions& options, PoseScore* score) const {
+    const fs::path truth = TruthFolder();
+    bool any = false;
+    if (fs::exists(truth / "joints.json")) {
+      score->joints = CompareJoints(FittedJoints(folder_, pose_.name),
+                                    TrueJoints(truth / "joints.json"));
+      any = true;
+    }
+    if (fs::exists(truth / "surface.ply")) {
+      const TriangleMesh surface = LoadPly((truth / "surface.ply").string());
+      score->fit_to_truth = CompareSurfaces(
+          mesh_, surface, options.surface_samples, options.seed);
+      score->truth_to_fit = CompareSurfaces(
+          surface, mesh_, options.surface_samples, options.seed);
+      any = true;
+    }
+    return any || fs::exists(truth / "masks");
+  }
+
+ private:
+  fs::path TruthFolder() const {
+    return capture_.folder / "truth" / pose_.name;
+  }
+
+  // The silhouette to compare with; empty when the camera has no picture.
+  cv::Mat1f Reference(const Camera& camera,
+                      Progress* progress,
+                      CameraScore* score) const {
+    const fs::path truth =
+        fs::path("truth") / pose_.name / "masks" / (camera.id + ".png");
+    if (fs::exists(capture_.folder / truth)) {
+      score->reference = "truth";
+      return LoadMask(capture_, truth.string(), camera);
+    }
+    const fs::path own =
+        folder_ / "masks" / (pose_.name + "_" + camera.id + ".png");
+    if (fs::exists(own)) {
+      score->reference = "result";
+      return LoadResultMask(own, camera);
+    }
+    if (!pose_.images.contains(camera.id)) return {};
+    score->reference = "segmented";
+    StageSummary summary;
+    return Segment(capture_, pose_, {camera.id}, segment_, progress, &summary)
+        .front()
+        .coverage;
+  }
+
+  const Capture& capture_;
+  const CapturePose& pose_;
+  fs::path folder_;
+  const std::vector<std::string>& fit_cameras_;
+  const SegmentOptions& segment_;
+  TriangleMesh mesh_;
+};
+
+// What the result says of its own fit.
+struct FitRecord {
+  std::vector<std::string> cameras;
+  FitConfig config;
+};
+
+FitRecord ReadFitRecord(const fs::path& folder) {
+  const fs::path report = folder / kReportFile;
+  if (!fs::exists(report)) {
+    throw InputError(folder.string() + ": is no result folder: no " +
+                     kReportFile);
+  }
+  FitRecord record;
+  const Json json = LoadJson(report);
+  try {
+    record.cameras = json.at("cameras").get<std::vector<std::string>>();
+  } catch (const Json::exception&) {
+    throw InputError(report.string() + ": 'cameras' must be a list of names");
+  }
+  if (fs::exists(folder / "fit.yaml")) {
+    LoadFitConfig((folder / "fit.yaml").string(), &record.config);
+  }
+  return record;
+}
+
+std::string Format(const char* format, auto... values) {
+  char text[256];
+  std::snprintf(text, sizeof(text), format, values...);
+  return text;
+}
+
+Json ErrorToJson(const SilhouetteError& error) {
+  return {{"iou", error.iou},
+          {"boundary_mean", error.boundary_mean},
+          {"boundary_p95", error.boundary_p95},
+          {"signed_mean", error.signed_mean}};
+}
+
+Json ErrorToJson(const JointError& error) {
+  Json per_joint = Json::object();
+  for (int joint = 0; joint < kNumJoints; ++joint) {
+    per_joint[std::string(kJointNames[joint])] = error.per_joint[joint];
+  }
+  return {{"mpjpe", error.mpjpe},
+          {"limb_mpjpe", error.limb_mpjpe},
+          {"pa_mpjpe", error.pa_mpjpe},
+          {"bone_length_mae", error.bone_length_mae},
+          {"per_joint", per_joint}};
+}
+
+Json ErrorToJson(const SurfaceError& error) {
+  return {{"mean", error.mean},
+          {"median", error.median},
+          {"p95", error.p95},
+          {"max", error.max},
+          {"signed_mean", error.signed_mean}};
+}
+
+std::string SurfaceLine(const char* name, const SurfaceError& error) {
+  return Format(
+      "  %-16s mean %.1f  median %.1f  p95 %.1f  max %.1f  signed %+.1f mm\n",
+      name,
+      1000 * error.mean,
+      1000 * error.median,
+      1000 * error.p95,
+      1000 * error.max,
+      1000 * error.signed_mean);
+}
+
+std::string GroupLine(const char* name,
+                      const std::optional<SilhouetteError>& error) {
+  if (!error) return "";
+  return Format("  %-16s IoU %.4f  boundary %.2f px  p95 %.2f px\n",
+                name,
+                error->iou,
+                error->boundary_mean,
+                error->boundary_p95);
+}
+
+}  // namespace
+
+std::optional<SilhouetteError> MeanSilhouetteError(const PoseScore& score,
+                                                   bool in_fit) {
+  SilhouetteError mean;
+  int count = 0;
+  for (const CameraScore& camera : score.cameras) {
+    if (camera.in_fit != in_fit) continue;
+    mean.iou += camera.error.iou;
+    mean.boundary_mean += camera.error.boundary_mean;
+    mean.boundary_p95 += camera.error.boundary_p95;
+    mean.signed_mean += camera.error.signed_mean;
+    ++count;
+  }
+  if (count == 0) return std::nullopt;
+  mean.iou /= count;
+  mean.boundary_mean /= count;
+  mean.boundary_p95 /= count;
+  mean.signed_mean /= count;
+  return mean;
+}
+
+Evaluation EvaluateResult(const Capture& capture,
+                          const fs::path& result_folder,
+                          const EvaluateOptions& options,
+                          Progress* progress) {
+  const FitRecord record = ReadFitRecord(result_folder);
+  Evaluation evaluation;
+  evaluation.capture =
+      fs::weakly_canonical(fs::absolute(capture.folder)).filename().string();
+  evaluation.holdout_void =
+      !HoldoutCamerasUsed(capture, record.cameras).empty();
+  bool has_truth = false;
+  for (const CapturePose& pose : capture.poses) {
+    if (!fs::exists(result_folder / ("mesh_" + pose.name + ".ply"))) continue;
+    if (progress != nullptr) progress->Stage("evaluate", pose.name);
+    const PoseEvaluator evaluator(capture,
+                                  pose,
+                                  result_folder,
+                                  record.cameras,
+                                  record.config.options.segment);
+    PoseScore score;
+    score.pose = pose.name;
+    score.cameras = evaluator.Silhouettes(progress);
+    if (options.truth) has_truth |= evaluator.Truth(options, &score);
+    evaluation.poses.push_back(score);
+  }
+  if (evaluation.poses.empty()) {
+    throw InputError(result_folder.string() +
+                     ": no mesh_<pose>.ply of a pose of this capture");
+  }
+  if (options.truth && !has_truth) {
+    throw InputError((capture.folder / "truth").string() +
+                     ": no ground truth for the poses of this result");
+  }
+  return evaluation;
+}
+
+std::string EvaluationTable(const Evaluation& evaluation) {
+  std::string text = evaluation.capture + "\n";
+  if (evaluation.holdout_void) {
+    text += "  The fit has used holdout cameras: scores on them are void.\n";
+  }
+  for (const PoseScore& score : evaluation.poses) {
+    text += "pose " + score.pose + "\n";
+    if (score.joints) {
+      text += Format(
+          "  %-16s MPJPE %.1f  limbs %.1f  PA-MPJPE %.1f  bone lengths %.1f "
+          "mm\n",
+          "joints",
+          1000 * score.joints->mpjpe,
+          1000 * score.joints->limb_mpjpe,
+          1000 * score.joints->pa_mpjpe,
+          1000 * score.joints->bone_length_mae);
+    }
+    if (score.fit_to_truth) {
+      text += SurfaceLine("surface to truth", *score.fit_to_truth);
+      text += SurfaceLine("truth to surface", *score.truth_to_fit);
+    }
+    text += GroupLine("fit cameras", MeanSilhouetteError(score, true));
+    text += GroupLine("holdout cameras", MeanSilhouetteError(score, false));
+    for (const CameraScore& camera : score.cameras) {
+      text += Format("    %-14s %-7s IoU %.4f  boundary %.2f px  (%s mask)\n",
+                     camera.camera_id.c_str(),
+                     camera.in_fit ? "fit" : "holdout",
+                     camera.error.iou,
+                     camera.error.boundary_mean,
+                     camera.reference.c_str());
+    }
+  }
+  return text;
+}
+
+Json EvaluationToJson(const Evaluation& evaluation) {
+  Json poses = Json::object();
+  for (const PoseScore& score : evaluation.poses) {
+    Json& pose = poses[score.pose] = Json::object();
+    if (score.joints) pose["joints"] = ErrorToJson(*score.joints);
+    if (score.fit_to_truth) {
+      pose["surface"] = {{"fit_to_truth", ErrorToJson(*score.fit_to_truth)},
+                         {"truth_to_fit", ErrorToJson(*score.truth_to_fit)}};
+    }
+    for (const bool in_fit : {true, false}) {
+      const auto mean = MeanSilhouetteError(score, in_fit);
+      if (mean) {
+        pose["silhouette"][in_fit ? "fit" : "holdout"] = ErrorToJson(*mean);
+      }
+    }
+    for (const CameraScore& camera : score.cameras) {
+      Json& entry = pose["cameras"][camera.camera_id];
+      entry = ErrorToJson(camera.error);
+      entry["group"] = camera.in_fit ? "fit" : "holdout";
+      entry["reference"] = camera.reference;
+    }
+  }
+  return {{"capture", evaluation.capture},
+          {"holdout_scores_void", evaluation.holdout_void},
+          {"poses", poses}};
+}
+
+}  // namespace sweepfit

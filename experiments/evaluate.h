@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "capture/capture.h"
+#include "experiments/metrics.h"
+#include "model/progress.h"
+
+namespace sweepfit {
+
+struct EvaluateOptions {
+  // Compare joints and surface with the ground truth of the capture.
+  bool truth = false;
+  int surface_samples = 100000;
+  unsigned seed = 1;
+};
+
+// The fitted mesh against the silhouette of one camera.
+struct CameraScore {
+  std::string camera_id;
+  bool in_fit = false;    // the fit used this camera
+  std::string reference;  // "truth", "result" or "segmented"
+  SilhouetteError error;
+};
+
+struct PoseScore {
+  std::string pose;
+  std::vector<CameraScore> cameras;
+  // With truth only:
+  std::optional<JointError> joints;
+  std::optional<SurfaceError> fit_to_truth;
+  std::optional<SurfaceError> truth_to_fit;
+};
+
+struct Evaluation {
+  std::string capture;
+  bool holdout_void = false;  // the fit has seen holdout cameras
+  std::vector<PoseScore> poses;
+};
+
+// Scores a result folder against its capture: mesh_<pose>.ply drawn into every
+// camera and compared with truth/<pose>/masks/<camera>.png where there is one,
+// else with the result's own masks/, else (cameras that the fit did not use)
+// with the silhouette segmented from the picture as the result's fit.yaml says.
+// With options.truth also truth/<pose>/joints.json and surface.ply (metres, +Y
+// up). InputError when the folder is no result, has no mesh, or when truth is
+// asked for and there is none.
+Evaluation EvaluateResult(const Capture& capture,
+                          const std::filesystem::path& result_folder,
+                          const EvaluateOptions& options,
+                          Progress* progress);
+
+// Millimetres and pixels, as a table for people.
+std::string EvaluationTable(const Evaluation& evaluation);
+// Metres and pixels.
+nlohmann::ordered_json EvaluationToJson(const Evaluation& evaluation);
+
+// Mean over the cameras of one group; none: nothing.
+std::optional<SilhouetteError> MeanSilhouetteError(const PoseScore& score,
+                                                   bool in_fit);
+
+}  // namespace sweepfit
