@@ -45,15 +45,23 @@ struct JointEstimate {
 };
 
 struct JointResult {
-  Skeleton skeleton;            // shared by all poses
+  Skeleton base;                // where log_length starts from
+  Skeleton skeleton;            // as estimated, shared by all poses
   double sex = 0.5;
   double stature = 0;
   std::vector<JointEstimate> poses;
+  // Pose coordinates (JointAngles) per pose, for the stages that go on.
+  std::vector<std::vector<double>> coordinates;
+  std::array<double, 12> log_length{};  // against the base skeleton
+  double stature_sigma = 0;
 };
 
 // One Ceres problem over all poses of a person: pose per pose, bone lengths
-// shared by poses and by left and right.
+// shared by poses and by left and right. `base` gives rest directions, the
+// lengths to start from and the template's ratios (base_stature its stature).
 JointResult EstimateJoints(const std::vector<LandmarkResult>& landmarks,
+                           const Skeleton& base,
+                           double base_stature,
                            const JointOptions& options,
                            Progress* progress,
                            StageSummary* summary);

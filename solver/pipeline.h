@@ -27,6 +27,7 @@ struct FitOptions {
   HullOptions volume;
   LandmarkOptions landmarks;
   JointOptions joints;
+  GlobalOptions global;
   LocalOptions local;
   RefineOptions refine;
   TextureOptions texture;

@@ -1,0 +1,408 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <ceres/ceres.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <numbers>
+
+#include "residuals/contour_match.h"
+#include "residuals/hull_distance.h"
+#include "residuals/prior.h"
+#include "residuals/radius_point_cost.h"
+#include "residuals/radius_smoothness.h"
+#include "residuals/silhouette_rim.h"
+#include "solver/fit_body.h"
+#include "solver/solve_person.h"
+#include "volume/cut_plane.h"
+
+namespace sweepfit {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr int kHullStride = 3;
+// Radii may not leave the template by more than a factor of e^0.9.
+constexpr double kLargestLogRatio = 0.9;
+
+// The unknowns: log ratios, one parameter block per key row.
+using Rows = std::vector<std::vector<std::vector<double>>>;  // sweep, row, col
+
+Rows RowsOf(const Body& body) {
+  Rows rows(body.sweeps.size());
+  for (size_t s = 0; s < body.sweeps.size(); ++s) {
+    const Sweep& sweep = body.sweeps[s];
+    rows[s].resize(sweep.num_rows());
+    for (int r = 0; r < sweep.num_rows(); ++r) {
+      for (int c = 0; c < sweep.num_columns(); ++c) {
+        rows[s][r].push_back(sweep.log_ratio(r, c));
+      }
+    }
+  }
+  return rows;
+}
+
+void StoreRows(const Rows& rows, Body* body) {
+  for (size_t s = 0; s < rows.size(); ++s) {
+    for (size_t r = 0; r < rows[s].size(); ++r) {
+      for (size_t c = 0; c < rows[s][r].size(); ++c) {
+        body->sweeps[s].log_ratio(r, c) =
+            std::clamp(rows[s][r][c], -kLargestLogRatio, kLargestLogRatio);
+      }
+    }
+  }
+}
+
+// The feature weight (paper IV.B) where a vertex sits.
+double FeatureWeight(const Body& body, int vertex) {
+  double weight = 0;
+  for (const SweepAttachment& a : body.binding[vertex].attachment) {
+    if (a.sweep < 0 || a.weight <= 0) continue;
+    const Sweep& sweep = body.sweeps[a.sweep];
+    const auto above =
+        std::upper_bound(sweep.key_u.begin(), sweep.key_u.end(), a.u);
+    const int hi = std::clamp<int>(
+        static_cast<int>(above - sweep.key_u.begin()), 1, sweep.num_rows() - 1);
+    const double span = sweep.key_u[hi] - sweep.key_u[hi - 1];
+    const double f =
+        std::clamp((a.u - sweep.key_u[hi - 1]) / span, 0.0, 1.0);
+    weight += a.weight * ((1 - f) * sweep.feature_weight[hi - 1] +
+                          f * sweep.feature_weight[hi]);
+  }
+  return weight;
+}
+
+// A posed vertex as a linear function of the rows, and the rows it needs.
+struct RowPoint {
+  std::shared_ptr<const RadiusPoint> point;
+  std::vector<double*> blocks;
+};
+
+RowPoint MakeRowPoint(const Body& body,
+                      const PosedBody& posed,
+                      int vertex,
+                      Rows* rows) {
+  auto point = std::make_shared<RadiusPoint>();
+  RowPoint result;
+  point->point_in_world = posed.mesh.vertices[vertex];
+  std::map<std::pair<int, int>, int> block_of_row;
+  for (const auto& term : RestByLogRatio(body, vertex).terms) {
+    const int columns = body.sweeps[term.sweep].num_columns();
+    const int row = term.sample / columns, column = term.sample % columns;
+    const auto [it, inserted] = block_of_row.try_emplace(
+        {term.sweep, row}, static_cast<int>(result.blocks.size()));
+    if (inserted) {
+      result.blocks.push_back((*rows)[term.sweep][row].data());
+      point->block_sizes.push_back(columns);
+    }
+    point->terms.push_back(
+        {it->second,
+         column,
+         (*rows)[term.sweep][row][column],
+         posed.motions[vertex].rotation * term.direction_at_rest});
+  }
+  result.point = std::move(point);
+  return result;
+}
+
+template <typename Measurement>
+void AddPoint(Measurement measurement,
+              const RowPoint& point,
+              double weight,
+              ceres::LossFunction* loss,
+              ceres::Problem* problem) {
+  problem->AddResidualBlock(
+      new RadiusPointCost<Measurement>(std::move(measurement), point.point),
+      new ceres::ScaledLoss(loss, weight, ceres::TAKE_OWNERSHIP),
+      point.blocks);
+}
+
+void AddEvidence(const PoseEvidence& evidence,
+                 const LocalOptions& options,
+                 double sigma_rim,
+                 const Body& body,
+                 const Pose& pose,
+                 Rows* rows,
+                 ceres::Problem* problem) {
+  const PosedBody posed = PoseForFit(body, pose);
+  const std::vector<View>& views = *evidence.views;
+  const RimEvidence rims = GatherRimEvidence(
+      posed, body.topology.quads, views, *evidence.contours, 20);
+  std::map<int, RowPoint> points;
+  const auto at = [&](int vertex) -> const RowPoint& {
+    auto [it, inserted] = points.try_emplace(vertex);
+    if (inserted) it->second = MakeRowPoint(body, posed, vertex, rows);
+    return it->second;
+  };
+  for (const RimPoint& rim : rims.rim) {
+    const double weight = rim.weight * FeatureWeight(body, rim.vertex);
+    const View& view = views[rim.view];
+    if (weight <= 0 || at(rim.vertex).blocks.empty()) continue;
+    AddPoint(SilhouetteRim(&view.camera, &view.signed_distance, sigma_rim),
+             at(rim.vertex),
+             weight,
+             new ceres::HuberLoss(2),
+             problem);
+  }
+  for (const ContourPair& pair : rims.contour) {
+    const double weight = pair.weight * FeatureWeight(body, pair.vertex);
+    const View& view = views[pair.view];
+    if (weight <= 0 || at(pair.vertex).blocks.empty()) continue;
+    AddPoint(ContourMatch(&view.camera,
+                          pair.contour_pixel,
+                          pair.contour_normal,
+                          pair.depth,
+                          sigma_rim),
+             at(pair.vertex),
+             weight,
+             new ceres::TukeyLoss(6),
+             problem);
+  }
+  HullDistance::Options hull;
+  hull.margin = 0.5 * evidence.volume->voxel_size();
+  hull.sigma_outside = options.sigma_hull;
+  for (int v = 0; v < body.num_vertices(); v += kHullStride) {
+    const double weight = 0.2 * FeatureWeight(body, v);
+    if (weight <= 0) continue;
+    // Deep inside and far outside the hull says nothing about a radius.
+    const double phi = evidence.volume->Sample(posed.mesh.vertices[v]);
+    if (std::abs(phi) >= 0.99 * evidence.volume->band_half_width() && phi < 0) {
+      continue;
+    }
+    if (at(v).blocks.empty()) continue;
+    AddPoint(HullDistance(evidence.volume, hull),
+             at(v),
+             weight,
+             new ceres::HuberLoss(2),
+             problem);
+  }
+}
+
+// Column of the mirrored sweep that lies opposite to each column. Reference
+// directions are either mirrored (theta -> -theta) or kept (theta -> pi -
+// theta) by x -> -x.
+std::vector<int> MirrorColumns(const Sweep& left, const Sweep& right) {
+  const int n = left.num_columns();
+  const Vector3d mirrored(-left.rest_reference.x(),
+                          left.rest_reference.y(),
+                          left.rest_reference.z());
+  const bool same = mirrored.dot(right.rest_reference) > 0;
+  std::vector<int> columns(n);
+  for (int k = 0; k < n; ++k) {
+    columns[k] = same ? (n - k) % n : (n / 2 - k + n) % n;
+  }
+  return columns;
+}
+
+int FindMirror(const Body& body, size_t sweep) {
+  const Sweep& a = body.sweeps[sweep];
+  for (size_t s = 0; s < body.sweeps.size(); ++s) {
+    const Sweep& b = body.sweeps[s];
+    if (b.chain.size() != a.chain.size()) continue;
+    bool mirrored = true;
+    for (size_t k = 0; k < a.chain.size(); ++k) {
+      mirrored &= b.chain[k] == MirrorJoint(a.chain[k]);
+    }
+    if (mirrored) return static_cast<int>(s);
+  }
+  return static_cast<int>(sweep);
+}
+
+void AddRegularisation(const Body& body,
+                       const LocalOptions& options,
+                       Rows* rows,
+                       ceres::Problem* problem) {
+  for (size_t s = 0; s < body.sweeps.size(); ++s) {
+    const Sweep& sweep = body.sweeps[s];
+    const int n = sweep.num_columns();
+    const auto row = [&](int r) { return (*rows)[s][r].data(); };
+    const int mirror = FindMirror(body, s);
+    for (int r = 0; r < sweep.num_rows(); ++r) {
+      problem->AddResidualBlock(
+          SmoothAroundSection(n, options.sigma_around), nullptr, row(r));
+      problem->AddResidualBlock(
+          new PriorResidual(
+              Eigen::VectorXd::Zero(n),
+              Eigen::VectorXd::Constant(n, options.sigma_magnitude)),
+          nullptr,
+          row(r));
+      if (r > 0 && r + 1 < sweep.num_rows()) {
+        problem->AddResidualBlock(
+            SmoothAlongSweep(n,
+                             sweep.key_u[r] - sweep.key_u[r - 1],
+                             sweep.key_u[r + 1] - sweep.key_u[r],
+                             options.sigma_along),
+            nullptr,
+            row(r - 1),
+            row(r),
+            row(r + 1));
+      }
+      if (mirror > static_cast<int>(s)) {
+        problem->AddResidualBlock(
+            RowSymmetry(MirrorColumns(sweep, body.sweeps[mirror]),
+                        options.sigma_symmetry),
+            nullptr,
+            row(r),
+            (*rows)[mirror][r].data());
+      }
+    }
+  }
+}
+
+nlohmann::ordered_json SolveRadii(const std::vector<PoseEvidence>& evidence,
+                                  const LocalOptions& options,
+                                  double sigma_rim,
+                                  const JointResult& joints,
+                                  Body* body) {
+  Rows rows = RowsOf(*body);
+  ceres::Problem problem;
+  for (size_t p = 0; p < evidence.size(); ++p) {
+    AddEvidence(evidence[p],
+                options,
+                sigma_rim,
+                *body,
+                joints.poses[p].pose,
+                &rows,
+                &problem);
+  }
+  AddRegularisation(*body, options, &rows, &problem);
+  ceres::Solver::Options solver;
+  solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+  solver.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
+  solver.num_threads = 1;
+  solver.max_num_iterations = 8;
+  solver.function_tolerance = 1e-4;
+  solver.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(solver, &problem, &summary);
+  StoreRows(rows, body);
+  nlohmann::ordered_json report;
+  report["iterations"] = static_cast<int>(summary.iterations.size()) - 1;
+  report["termination"] =
+      ceres::TerminationTypeToString(summary.termination_type);
+  report["usable"] = summary.IsSolutionUsable();
+  report["residuals"] = summary.num_residuals;
+  report["parameters"] = summary.num_parameters;
+  report["cost_start"] = summary.initial_cost;
+  report["cost_end"] = summary.final_cost;
+  return report;
+}
+
+// Radii read off the hull along rays in the section planes, averaged over the
+// poses: the paper's local fit. Rays that run into another limb are left out.
+void SampleHullRadii(const std::vector<PoseEvidence>& evidence,
+                     bool feature_weighted,
+                     const JointResult& joints,
+                     Body* body) {
+  constexpr double kLargestRatio = 1.6;
+  for (Sweep& sweep : body->sweeps) {
+    const Eigen::MatrixXd before = sweep.log_ratio;
+    for (int r = 0; r < sweep.num_rows(); ++r) {
+      for (int c = 0; c < sweep.num_columns(); ++c) {
+        const double theta = 2 * std::numbers::pi * c / sweep.num_columns();
+        const double fitted = sweep.radius(r, c) * std::exp(before(r, c));
+        double sum = 0;
+        int count = 0;
+        for (size_t p = 0; p < evidence.size(); ++p) {
+          const SweepAxis axis(
+              sweep, body->skeleton, joints.poses[p].frames);
+          const SectionFrame frame = axis.At(sweep.key_u[r]);
+          const Vector3d direction =
+              frame.world_from_section *
+              Vector3d(std::cos(theta), std::sin(theta), 0);
+          const double exit = RayExit(*evidence[p].volume,
+                                      frame.center_in_world,
+                                      direction,
+                                      kLargestRatio * fitted);
+          if (exit <= 0) continue;
+          sum += exit;
+          ++count;
+        }
+        if (count == 0) continue;
+        const double ratio = sum / count / sweep.radius(r, c);
+        const double w = feature_weighted ? sweep.feature_weight[r] : 1.0;
+        sweep.log_ratio(r, c) =
+            std::clamp(std::log(std::max(0.05, 1 + w * (ratio - 1))),
+                       -kLargestLogRatio,
+                       kLargestLogRatio);
+      }
+    }
+  }
+}
+
+double RimErrorOfAllPoses(const std::vector<PoseEvidence>& evidence,
+                          const JointResult& joints,
+                          const Body& body) {
+  double sum = 0;
+  for (size_t p = 0; p < evidence.size(); ++p) {
+    const PosedBody posed = PoseForFit(body, joints.poses[p].pose);
+    sum += MeanRimError(GatherRimEvidence(posed,
+                                          body.topology.quads,
+                                          *evidence[p].views,
+                                          *evidence[p].contours,
+                                          20),
+                        *evidence[p].views);
+  }
+  return sum / static_cast<double>(evidence.size());
+}
+
+}  // namespace
+
+std::optional<std::string> LocalOptions::Check() const {
+  if (mode != "rim" && mode != "hull" && mode != "paper") {
+    return "local.mode must be rim, hull or paper, not '" + mode + "'";
+  }
+  if (rounds < 1 || rounds > 50) return "local.rounds must be 1 to 50";
+  for (const double sigma : {sigma_rim,
+                             sigma_hull,
+                             sigma_around,
+                             sigma_along,
+                             sigma_magnitude,
+                             sigma_symmetry}) {
+    if (!(sigma > 0)) return "local.sigma_* must be positive";
+  }
+  return std::nullopt;
+}
+
+void FitLocal(const std::vector<PoseEvidence>& evidence,
+              const LocalOptions& options,
+              const JointOptions& joint_options,
+              Body* body,
+              JointResult* joints,
+              Progress* progress,
+              StageSummary* summary) {
+  if (progress != nullptr) progress->Stage("local", options.mode);
+  summary->figures["mode"] = options.mode;
+  summary->figures["rim_error_start_mm"] =
+      1000 * RimErrorOfAllPoses(evidence, *joints, *body);
+  summary->status = "ok";
+  if (options.mode != "rim") {
+    SampleHullRadii(evidence, options.mode == "paper", *joints, body);
+  } else {
+    nlohmann::ordered_json report;
+    for (int round = 0; round < options.rounds; ++round) {
+      const bool first = round == 0;
+      report = SolveRadii(evidence,
+                          options,
+                          (first ? 2 : 1) * options.sigma_rim,
+                          *joints,
+                          body);
+      if (round + 1 == options.rounds) break;
+      // With better radii the outline says more about the pose.
+      SolvePerson(evidence,
+                  {2 * options.sigma_rim, 20, 4},
+                  joint_options,
+                  nullptr,
+                  nullptr,
+                  body,
+                  joints);
+    }
+    summary->figures["solve"] = report;
+    if (!report["usable"].get<bool>()) summary->status = "failed";
+  }
+  summary->figures["rim_error_end_mm"] =
+      1000 * RimErrorOfAllPoses(evidence, *joints, *body);
+}
+
+}  // namespace sweepfit

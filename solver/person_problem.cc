@@ -1,0 +1,322 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "solver/person_problem.h"
+
+#include <glog/logging.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "residuals/bone_length.h"
+#include "residuals/landmark.h"
+#include "residuals/prior.h"
+
+namespace sweepfit {
+namespace {
+
+// Share of a family's squared residuals that counts; a null loss is the plain
+// square.
+ceres::LossFunction* Weighted(ceres::LossFunction* loss, double weight) {
+  return new ceres::ScaledLoss(loss, weight, ceres::TAKE_OWNERSHIP);
+}
+
+// Posterior against prior variance of a joint relative to its parent: 0 when
+// the images add nothing, towards 1 when they decide.
+double Reliability(const Eigen::MatrixXd& covariance,
+                   const Eigen::Matrix3Xd& relative,
+                   double prior_variance) {
+  const double posterior =
+      (relative * covariance * relative.transpose()).trace();
+  return std::clamp(1 - posterior / prior_variance, 0.0, 1.0);
+}
+
+}  // namespace
+
+PersonProblem::PersonProblem(const Skeleton& base,
+                             const JointAngles* angles,
+                             PersonParameters* parameters)
+    : base_(base), angles_(angles), parameters_(parameters) {
+  for (auto& pose : parameters_->pose) {
+    CHECK_EQ(static_cast<int>(pose.size()), angles_->num_parameters());
+    caches_.push_back(std::make_unique<KinematicCache>(base_, angles_));
+    problem_.AddParameterBlock(pose.data(), angles_->num_parameters());
+    for (size_t i = 0; i < angles_->angles().size(); ++i) {
+      const JointAngle& angle = angles_->angles()[i];
+      if (angle.kind != JointAngle::Kind::kHinge) continue;
+      const int k = 3 + static_cast<int>(i);
+      pose[k] = std::clamp(pose[k], angle.lower, angle.upper);
+      problem_.SetParameterLowerBound(pose.data(), k, angle.lower);
+      problem_.SetParameterUpperBound(pose.data(), k, angle.upper);
+    }
+  }
+  problem_.AddParameterBlock(parameters_->log_length.data(), kNumLengthGroups);
+  for (int g = 0; g < kNumLengthGroups; ++g) {
+    problem_.SetParameterLowerBound(parameters_->log_length.data(), g, -0.7);
+    problem_.SetParameterUpperBound(parameters_->log_length.data(), g, 0.7);
+  }
+  problem_.AddParameterBlock(parameters_->person.data(), 2);
+  problem_.SetParameterLowerBound(parameters_->person.data(), 0, 0.4);
+  problem_.SetParameterUpperBound(parameters_->person.data(), 0, 2.6);
+  problem_.SetParameterLowerBound(parameters_->person.data(), 1, 0);
+  problem_.SetParameterUpperBound(parameters_->person.data(), 1, 1);
+  if (!parameters_->girth.empty()) {
+    problem_.AddParameterBlock(parameters_->girth.data(),
+                               static_cast<int>(parameters_->girth.size()));
+  }
+}
+
+void PersonProblem::Add(Family family,
+                        ceres::CostFunction* cost,
+                        double weight,
+                        ceres::LossFunction* loss,
+                        const std::vector<double*>& blocks) {
+  if (weight <= 0) {
+    delete cost;
+    delete loss;
+    return;
+  }
+  blocks_.push_back(
+      {family,
+       problem_.AddResidualBlock(cost, Weighted(loss, weight), blocks)});
+}
+
+void PersonProblem::AddLandmark(int pose,
+                                int joint,
+                                const Eigen::Vector3d& point_in_world,
+                                const Eigen::Matrix3d& covariance,
+                                double weight,
+                                double loss_scale) {
+  Add(Family::kLandmark,
+      new LandmarkResidual(
+          joint, point_in_world, covariance, caches_[pose].get()),
+      weight,
+      loss_scale > 0 ? new ceres::CauchyLoss(loss_scale) : nullptr,
+      {parameters_->pose[pose].data(), parameters_->log_length.data()});
+}
+
+void PersonProblem::AddAnthropometric(const Anthropometry& tables,
+                                      double weight) {
+  for (int g = 0; g < kNumLengthGroups; ++g) {
+    const int joint = LengthGroupJoint(g);
+    Add(Family::kAnthropometric,
+        AnthropometricResidual::Create(g,
+                                       base_.length[joint],
+                                       tables.bone[joint],
+                                       parameters_->person[0]),
+        weight,
+        nullptr,
+        {parameters_->log_length.data(), parameters_->person.data()});
+  }
+}
+
+void PersonProblem::AddTemplateRatio(const Skeleton& skeleton,
+                                     double stature,
+                                     double sigma,
+                                     double weight) {
+  for (int g = 0; g < kNumLengthGroups; ++g) {
+    const int joint = LengthGroupJoint(g);
+    Add(Family::kTemplate,
+        TemplateRatioResidual::Create(g,
+                                      base_.length[joint],
+                                      skeleton.length[joint] / stature,
+                                      sigma),
+        weight,
+        nullptr,
+        {parameters_->log_length.data(), parameters_->person.data()});
+  }
+}
+
+void PersonProblem::AddPosePrior(double weight) {
+  const int n = angles_->num_parameters();
+  Eigen::VectorXd usual = Eigen::VectorXd::Zero(n);
+  // The root may be anywhere: a prior of 100 m only keeps the normal equations
+  // regular when a pose has no other residual.
+  Eigen::VectorXd sigma = Eigen::VectorXd::Constant(n, 100.0);
+  for (size_t i = 0; i < angles_->angles().size(); ++i) {
+    usual[3 + i] = angles_->angles()[i].usual;
+    sigma[3 + i] = angles_->angles()[i].sigma;
+  }
+  for (auto& pose : parameters_->pose) {
+    Add(Family::kPose,
+        new PriorResidual(usual, sigma),
+        weight,
+        nullptr,
+        {pose.data()});
+  }
+}
+
+void PersonProblem::AddPersonPrior(double stature,
+                                   double stature_sigma,
+                                   double weight) {
+  Add(Family::kStature,
+      new PriorResidual(Eigen::Vector2d(stature, 0.5),
+                        Eigen::Vector2d(stature_sigma, 0.5)),
+      weight,
+      nullptr,
+      {parameters_->person.data()});
+}
+
+void PersonProblem::AddGirthPrior(const std::vector<double>& sigma,
+                                  double weight) {
+  const auto n = static_cast<Eigen::Index>(parameters_->girth.size());
+  if (n == 0) return;
+  Add(Family::kGirth,
+      new PriorResidual(Eigen::VectorXd::Zero(n),
+                        Eigen::Map<const Eigen::VectorXd>(sigma.data(), n)),
+      weight,
+      nullptr,
+      {parameters_->girth.data()});
+}
+
+void PersonProblem::HoldLengthsAndPerson() {
+  problem_.SetParameterBlockConstant(parameters_->log_length.data());
+  problem_.SetParameterBlockConstant(parameters_->person.data());
+}
+
+std::vector<double*> PersonProblem::AllBlocks() const {
+  std::vector<double*> blocks;
+  for (auto& pose : parameters_->pose) blocks.push_back(pose.data());
+  blocks.push_back(parameters_->log_length.data());
+  blocks.push_back(parameters_->person.data());
+  if (!parameters_->girth.empty()) blocks.push_back(parameters_->girth.data());
+  return blocks;
+}
+
+int PersonProblem::num_parameters() const {
+  return static_cast<int>(parameters_->pose.size()) * angles_->num_parameters() +
+         kNumLengthGroups + 2 + static_cast<int>(parameters_->girth.size());
+}
+
+double PersonProblem::Cost(int family) const {
+  ceres::Problem::EvaluateOptions options;
+  for (const Block& block : blocks_) {
+    if (static_cast<int>(block.family) == family) {
+      options.residual_blocks.push_back(block.id);
+    }
+  }
+  if (options.residual_blocks.empty()) return 0;
+  double cost = 0;
+  problem_.Evaluate(options, &cost, nullptr, nullptr, nullptr);
+  return cost;
+}
+
+Eigen::MatrixXd PersonProblem::Information(int family) const {
+  const int n = num_parameters();
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+  ceres::Problem::EvaluateOptions options;
+  options.parameter_blocks = AllBlocks();
+  for (const Block& block : blocks_) {
+    if (family < 0 || static_cast<int>(block.family) == family) {
+      options.residual_blocks.push_back(block.id);
+    }
+  }
+  if (options.residual_blocks.empty()) return information;
+  ceres::CRSMatrix jacobian;
+  problem_.Evaluate(options, nullptr, nullptr, nullptr, &jacobian);
+  for (int row = 0; row < jacobian.num_rows; ++row) {
+    for (int a = jacobian.rows[row]; a < jacobian.rows[row + 1]; ++a) {
+      for (int b = jacobian.rows[row]; b < jacobian.rows[row + 1]; ++b) {
+        information(jacobian.cols[a], jacobian.cols[b]) +=
+            jacobian.values[a] * jacobian.values[b];
+      }
+    }
+  }
+  return information;
+}
+
+Eigen::MatrixXd PersonProblem::Covariance() const {
+  Eigen::MatrixXd information = Information(-1);
+  const int n = static_cast<int>(information.rows());
+  information.diagonal().array() += 1e-9;
+  return information.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
+}
+
+Eigen::Matrix3Xd PersonProblem::JointDerivative(int pose, int joint) const {
+  const auto& entry = caches_[pose]->At(parameters_->pose[pose].data(),
+                                        parameters_->log_length.data());
+  const PointDerivative x = EvaluatePoint(
+      JointAsPoint(joint), entry.state, *angles_, entry.length_change, true);
+  Eigen::Matrix3Xd result = Eigen::Matrix3Xd::Zero(3, num_parameters());
+  const int per_pose = angles_->num_parameters();
+  result.middleCols(pose * per_pose, per_pose) = x.by_pose;
+  const int lengths = static_cast<int>(parameters_->pose.size()) * per_pose;
+  for (int j = 1; j < kNumJoints; ++j) {
+    result.col(lengths + LengthGroup(j)) += x.by_length.col(j) * entry.length[j];
+  }
+  return result;
+}
+
+Skeleton PersonProblem::CurrentSkeleton() const {
+  Skeleton skeleton = base_;
+  for (int j = 1; j < kNumJoints; ++j) {
+    skeleton.length[j] *= std::exp(parameters_->log_length[LengthGroup(j)]);
+  }
+  return skeleton;
+}
+
+nlohmann::ordered_json PersonProblem::Solve(int max_iterations) {
+  nlohmann::ordered_json report;
+  nlohmann::ordered_json families;
+  for (int f = 0; f < kNumFamilies; ++f) {
+    families[kFamilyNames[f]]["cost_start"] = Cost(f);
+  }
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+  options.dense_linear_algebra_library_type = ceres::EIGEN;
+  options.num_threads = 1;
+  options.max_num_iterations = max_iterations;
+  options.function_tolerance = 1e-5;
+  options.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem_, &summary);
+  const Eigen::MatrixXd covariance = Covariance();
+  for (int f = 0; f < kNumFamilies; ++f) {
+    auto& entry = families[kFamilyNames[f]];
+    entry["cost_end"] = Cost(f);
+    entry["effective_parameters"] =
+        covariance.cwiseProduct(Information(f)).sum();
+  }
+  report["iterations"] = static_cast<int>(summary.iterations.size()) - 1;
+  report["termination"] =
+      ceres::TerminationTypeToString(summary.termination_type);
+  report["usable"] = summary.IsSolutionUsable();
+  report["residuals"] = summary.num_residuals;
+  report["parameters"] = num_parameters();
+  report["families"] = families;
+  return report;
+}
+
+void FillJointResult(const PersonProblem& problem,
+                     const JointAngles& angles,
+                     const PersonParameters& parameters,
+                     JointResult* result) {
+  const Anthropometry& tables = Anthropometry::Default();
+  result->skeleton = problem.CurrentSkeleton();
+  result->stature = parameters.person[0];
+  result->sex = parameters.person[1];
+  result->coordinates = parameters.pose;
+  result->log_length = parameters.log_length;
+  result->poses.resize(parameters.pose.size());
+  const Eigen::MatrixXd covariance = problem.Covariance();
+  for (size_t p = 0; p < parameters.pose.size(); ++p) {
+    JointEstimate& estimate = result->poses[p];
+    estimate.pose = angles.ToPose(parameters.pose[p].data());
+    estimate.frames = ForwardKinematics(result->skeleton, estimate.pose);
+    for (int j = 0; j < kNumJoints; ++j) {
+      const Eigen::Matrix3Xd by =
+          problem.JointDerivative(static_cast<int>(p), j);
+      estimate.covariance[j] = by * covariance * by.transpose();
+      if (j == 0) continue;
+      const Eigen::Matrix3Xd relative =
+          by - problem.JointDerivative(static_cast<int>(p), kJointParents[j]);
+      // Without images: the tables' length, and a direction that is off by
+      // about 20 degrees.
+      const double along = tables.bone[j].Sigma() * result->stature;
+      const double across = 0.35 * result->skeleton.length[j];
+      estimate.reliability[j] = Reliability(
+          covariance, relative, along * along + 2 * across * across);
+    }
+  }
+}
+
+}  // namespace sweepfit

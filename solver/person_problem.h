@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <ceres/ceres.h>
+
+#include <array>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "model/anthropometry.h"
+#include "model/joint_angles.h"
+#include "residuals/kinematic_cache.h"
+#include "residuals/pose_point_cost.h"
+#include "solver/joints.h"
+#include "solver/landmarks.h"
+
+namespace sweepfit {
+
+// The unknowns of one person in one or more poses.
+struct PersonParameters {
+  std::vector<std::vector<double>> pose;  // per pose, see JointAngles
+  std::array<double, kNumLengthGroups> log_length{};  // against a base skeleton
+  std::array<double, 2> person{1.7, 0.5};             // stature (m), sex
+  std::vector<double> girth;  // coarse girths, log ratios; may be empty
+};
+
+// Families of residuals, as they are weighted and reported.
+enum class Family {
+  kLandmark, kTemplate, kAnthropometric, kStature, kPose, kSilhouette, kHull,
+  kGirth
+};
+inline constexpr int kNumFamilies = 8;
+inline constexpr std::array<const char*, kNumFamilies> kFamilyNames = {
+    "landmark", "template", "anthropometric", "stature",
+    "pose",     "silhouette", "hull",         "girth"};
+
+// Assembles and solves one least-squares problem over PersonParameters. Weights
+// multiply squared residuals; a weight of 0 leaves the family out.
+class PersonProblem {
+ public:
+  PersonProblem(const Skeleton& base,
+                const JointAngles* angles,
+                PersonParameters* parameters);
+
+  void AddLandmark(int pose,
+                   int joint,
+                   const Eigen::Vector3d& point_in_world,
+                   const Eigen::Matrix3d& covariance,
+                   double weight,
+                   double loss_scale);
+  void AddAnthropometric(const Anthropometry& tables, double weight);
+  void AddTemplateRatio(const Skeleton& skeleton,
+                        double stature,
+                        double sigma,
+                        double weight);
+  void AddPosePrior(double weight);
+  void AddPersonPrior(double stature, double stature_sigma, double weight);
+  void AddGirthPrior(const std::vector<double>& sigma, double weight);
+
+  template <typename Measurement>
+  void AddPoint(Family family,
+                int pose,
+                Measurement measurement,
+                std::shared_ptr<const ShapedPoint> point,
+                double weight,
+                ceres::LossFunction* loss) {
+    std::vector<double*> blocks = {parameters_->pose[pose].data(),
+                                   parameters_->log_length.data()};
+    if (!parameters_->girth.empty()) blocks.push_back(parameters_->girth.data());
+    Add(family,
+        new PosePointCost<Measurement>(
+            std::move(measurement),
+            std::move(point),
+            caches_[pose].get(),
+            static_cast<int>(parameters_->girth.size())),
+        weight,
+        loss,
+        blocks);
+  }
+
+  // Keeps parameters where they are.
+  void HoldLengthsAndPerson();
+
+  // Solves on one thread with dense Cholesky (EIGEN), so that results repeat.
+  // Returns iterations, termination, cost and effective parameters per family.
+  // Effective parameters are trace((J^T J)^-1 J_f^T J_f): they say how many of
+  // the unknowns a family decides, and sum to the number of unknowns.
+  nlohmann::ordered_json Solve(int max_iterations);
+
+  // Covariance of all free parameters at the solution, ordered poses, lengths,
+  // person, girth (the inverse of J^T J with a tiny ridge).
+  Eigen::MatrixXd Covariance() const;
+  // 3 x (number of parameters) derivative of a joint in the same order.
+  Eigen::Matrix3Xd JointDerivative(int pose, int joint) const;
+
+  int num_parameters() const;
+  Skeleton CurrentSkeleton() const;
+
+ private:
+  struct Block {
+    Family family;
+    ceres::ResidualBlockId id;
+  };
+  void Add(Family family,
+           ceres::CostFunction* cost,
+           double weight,
+           ceres::LossFunction* loss,
+           const std::vector<double*>& blocks);
+  std::vector<double*> AllBlocks() const;
+  // J^T J of one family, or of all families when family < 0.
+  Eigen::MatrixXd Information(int family) const;
+  double Cost(int family) const;
+
+  Skeleton base_;
+  const JointAngles* angles_;
+  PersonParameters* parameters_;
+  std::vector<std::unique_ptr<KinematicCache>> caches_;
+  mutable ceres::Problem problem_;
+  std::vector<Block> blocks_;
+};
+
+// Copies the solution into `result`, with covariances and reliabilities.
+void FillJointResult(const PersonProblem& problem,
+                     const JointAngles& angles,
+                     const PersonParameters& parameters,
+                     JointResult* result);
+
+}  // namespace sweepfit

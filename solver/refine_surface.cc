@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Sparse>
+#include <Eigen/SparseCholesky>
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "solver/fit_body.h"
+#include "solver/solve_person.h"
+
+namespace sweepfit {
+namespace {
+
+using Eigen::Vector3d;
+
+// Evidence farther than this from the surface belongs to something else.
+constexpr double kReach = 0.025;  // metres
+// Fingers and faces keep the template's shape: outlines seldom resolve them.
+constexpr double kDetailStiffness = 6;
+
+bool IsDetail(BodyPart part) {
+  return part == BodyPart::kLHand || part == BodyPart::kRHand ||
+         part == BodyPart::kLFoot || part == BodyPart::kRFoot;
+}
+
+std::vector<std::vector<int>> Neighbours(const BodyTopology& topology,
+                                         int num_vertices) {
+  std::vector<std::set<int>> sets(num_vertices);
+  for (const Quad& quad : topology.quads) {
+    for (int k = 0; k < 4; ++k) {
+      sets[quad[k]].insert(quad[(k + 1) % 4]);
+      sets[quad[(k + 1) % 4]].insert(quad[k]);
+    }
+  }
+  std::vector<std::vector<int>> neighbours;
+  for (const auto& set : sets) neighbours.emplace_back(set.begin(), set.end());
+  return neighbours;
+}
+
+// Least squares for one offset per vertex along its normal:
+//   sum w (d_i - target)^2 / sigma^2
+//   + sum (d_i - mean of neighbours)^2 / sigma_smooth^2
+//   + sum d_i^2 / sigma_magnitude^2
+class OffsetSystem {
+ public:
+  explicit OffsetSystem(int n)
+      : diagonal_(Eigen::VectorXd::Zero(n)), right_(Eigen::VectorXd::Zero(n)) {}
+
+  void Add(int vertex, double target, double weight) {
+    diagonal_[vertex] += weight;
+    right_[vertex] += weight * target;
+  }
+
+  // `smooth` is L^T L of the whitened neighbourhood differences.
+  Eigen::VectorXd Solve(const Eigen::SparseMatrix<double>& smooth) const {
+    Eigen::SparseMatrix<double> matrix = smooth;
+    for (Eigen::Index i = 0; i < diagonal_.size(); ++i) {
+      matrix.coeffRef(i, i) += diagonal_[i];
+    }
+    return Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>(matrix).solve(
+        right_);
+  }
+
+ private:
+  Eigen::VectorXd diagonal_;
+  Eigen::VectorXd right_;
+};
+
+Eigen::SparseMatrix<double> SmoothnessMatrix(const Body& body,
+                                             double sigma_smooth) {
+  const int n = body.num_vertices();
+  const auto neighbours = Neighbours(body.topology, n);
+  std::vector<Eigen::Triplet<double>> triplets;
+  for (int i = 0; i < n; ++i) {
+    const double stiffness =
+        (IsDetail(body.topology.part[i]) ? kDetailStiffness : 1) / sigma_smooth;
+    triplets.emplace_back(i, i, stiffness);
+    for (const int j : neighbours[i]) {
+      triplets.emplace_back(
+          i, j, -stiffness / static_cast<double>(neighbours[i].size()));
+    }
+  }
+  Eigen::SparseMatrix<double> laplacian(n, n);
+  laplacian.setFromTriplets(triplets.begin(), triplets.end());
+  return Eigen::SparseMatrix<double>(laplacian.transpose()) * laplacian;
+}
+
+void AddTargets(const PoseEvidence& evidence,
+                const RimEvidence& rims,
+                const PosedBody& posed,
+                double sigma,
+                OffsetSystem* system) {
+  const std::vector<View>& views = *evidence.views;
+  const auto add = [&](int vertex, double target, double weight) {
+    if (std::abs(target) > kReach) return;
+    // Huber weights at two standard deviations.
+    const double robust = std::min(1.0, 2 * sigma / std::abs(target));
+    system->Add(vertex, target, robust * weight / (sigma * sigma));
+  };
+  for (const RimPoint& rim : rims.rim) {
+    const View& view = views[rim.view];
+    const double metre = rim.depth / view.camera.FocalLength();
+    add(rim.vertex,
+        -metre * SampleBilinear(view.signed_distance, rim.pixel).value,
+        rim.weight);
+  }
+  for (const ContourPair& pair : rims.contour) {
+    const View& view = views[pair.view];
+    const double metre = pair.depth / view.camera.FocalLength();
+    const Eigen::Vector2d pixel =
+        view.camera.ProjectPinhole(posed.mesh.vertices[pair.vertex]);
+    add(pair.vertex,
+        metre * pair.contour_normal.dot(pair.contour_pixel - pixel),
+        pair.weight);
+  }
+  const double margin = 0.5 * evidence.volume->voxel_size();
+  for (size_t v = 0; v < posed.mesh.vertices.size(); ++v) {
+    const double phi = evidence.volume->Sample(posed.mesh.vertices[v]);
+    if (phi > margin && phi < 0.9 * evidence.volume->band_half_width()) {
+      add(static_cast<int>(v), -phi, 0.3);
+    }
+  }
+}
+
+// Moves vertices by offsets along their posed normals, expressed in the section
+// frames of the rest pose.
+void ApplyOffsets(const Eigen::VectorXd& offset,
+                  const PosedBody& posed,
+                  Body* body) {
+  const JointFrames rest = RestFrames(body->skeleton);
+  std::vector<SweepAxis> axes;
+  axes.reserve(body->sweeps.size());
+  for (const Sweep& sweep : body->sweeps) {
+    axes.emplace_back(sweep, body->skeleton, rest);
+  }
+  for (int v = 0; v < body->num_vertices(); ++v) {
+    const SweepAttachment& heaviest = body->binding[v].attachment[0];
+    const Eigen::Matrix3d frame =
+        axes[heaviest.sweep].At(heaviest.u).world_from_section;
+    const Vector3d at_rest =
+        posed.motions[v].rotation.transpose() * posed.normals[v] * offset[v];
+    body->displacement_in_section[v] += frame.transpose() * at_rest;
+  }
+}
+
+}  // namespace
+
+std::optional<std::string> RefineOptions::Check() const {
+  if (rounds < 1 || rounds > 50) return "refine.rounds must be 1 to 50";
+  for (const double sigma : {sigma_rim, sigma_smooth, sigma_magnitude}) {
+    if (!(sigma > 0)) return "refine.sigma_* must be positive";
+  }
+  return std::nullopt;
+}
+
+void RefineSurface(const std::vector<PoseEvidence>& evidence,
+                   const RefineOptions& options,
+                   const JointResult& joints,
+                   Body* body,
+                   Progress* progress,
+                   StageSummary* summary) {
+  if (!options.enabled) {
+    summary->status = "ok";
+    summary->figures["enabled"] = false;
+    return;
+  }
+  if (progress != nullptr) progress->Stage("refine", "");
+  const int n = body->num_vertices();
+  Eigen::SparseMatrix<double> smooth =
+      SmoothnessMatrix(*body, options.sigma_smooth);
+  const double magnitude =
+      1 / (options.sigma_magnitude * options.sigma_magnitude);
+  for (int i = 0; i < n; ++i) smooth.coeffRef(i, i) += magnitude;
+
+  const auto rim_error = [&](const Body& candidate) {
+    double sum = 0;
+    for (size_t p = 0; p < evidence.size(); ++p) {
+      const PosedBody posed = PoseForFit(candidate, joints.poses[p].pose);
+      sum += MeanRimError(GatherRimEvidence(posed,
+                                            candidate.topology.quads,
+                                            *evidence[p].views,
+                                            *evidence[p].contours,
+                                            15),
+                          *evidence[p].views);
+    }
+    return sum / static_cast<double>(evidence.size());
+  };
+  double error = rim_error(*body);
+  summary->figures["rim_error_start_mm"] = 1000 * error;
+  int rounds = 0;
+  for (; rounds < options.rounds; ++rounds) {
+    OffsetSystem system(n);
+    PosedBody first;
+    for (size_t p = 0; p < evidence.size(); ++p) {
+      PosedBody posed = PoseForFit(*body, joints.poses[p].pose);
+      const RimEvidence rims = GatherRimEvidence(posed,
+                                                 body->topology.quads,
+                                                 *evidence[p].views,
+                                                 *evidence[p].contours,
+                                                 15);
+      AddTargets(evidence[p], rims, posed, options.sigma_rim, &system);
+      if (p == 0) first = std::move(posed);
+    }
+    Body candidate = *body;
+    ApplyOffsets(system.Solve(smooth), first, &candidate);
+    const double candidate_error = rim_error(candidate);
+    // A refinement that does not bring the outlines closer is not kept.
+    if (!(candidate_error < error)) break;
+    *body = std::move(candidate);
+    error = candidate_error;
+  }
+  double largest = 0;
+  for (const Vector3d& d : body->displacement_in_section) {
+    largest = std::max(largest, d.norm());
+  }
+  summary->figures["rounds"] = rounds;
+  summary->figures["rim_error_end_mm"] = 1000 * error;
+  summary->figures["largest_displacement_mm"] = 1000 * largest;
+  summary->status = "ok";
+}
+
+}  // namespace sweepfit

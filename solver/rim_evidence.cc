@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "solver/rim_evidence.h"
+
+#include <tbb/parallel_for.h>
+
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "capture/render.h"
+#include "residuals/measurement.h"
+
+namespace sweepfit {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kMinNormalAgreement = 0.5;  // cos 60 degrees
+// Resolution at which the body's own outline is drawn; half the picture's is
+// enough to tell the outline from folds inside it.
+constexpr double kOutlineScale = 0.5;
+constexpr double kOutlineTolerance = 1.6;  // pixels of the drawn outline
+
+// The same view without distortion and at another resolution.
+Camera ScaledPinhole(const Camera& camera, double scale) {
+  Camera scaled = camera;
+  scaled.distortion = {};
+  scaled.width = static_cast<int>(std::ceil(camera.width * scale));
+  scaled.height = static_cast<int>(std::ceil(camera.height * scale));
+  // Pixel centres are at integers: (u + .5) scales, not u.
+  scaled.K.topRows<2>() *= scale;
+  scaled.K(0, 2) = (camera.K(0, 2) + 0.5) * scale - 0.5;
+  scaled.K(1, 2) = (camera.K(1, 2) + 0.5) * scale - 0.5;
+  return scaled;
+}
+
+// Unsigned distance in scaled pixels to the outline of the drawn body.
+struct Outline {
+  cv::Mat1f distance;
+  double length = 0;  // pixels of the full picture
+};
+
+Outline DrawOutline(const Camera& scaled, const TriangleMesh& mesh) {
+  const cv::Mat1f coverage = RenderCoverage(scaled, mesh, 1);
+  cv::Mat1b inside = coverage >= 0.5f;
+  cv::Mat1b edge;
+  cv::morphologyEx(inside,
+                   edge,
+                   cv::MORPH_GRADIENT,
+                   cv::getStructuringElement(cv::MORPH_CROSS, {3, 3}));
+  Outline outline;
+  // The gradient marks pixels on both sides of the outline.
+  outline.length = 0.5 * cv::countNonZero(edge) / kOutlineScale;
+  cv::Mat1b background = ~edge;
+  cv::distanceTransform(
+      background, outline.distance, cv::DIST_L2, cv::DIST_MASK_5);
+  return outline;
+}
+
+// Vertices where the surface turns away from the camera: the better end of
+// every edge whose ends face differently.
+std::vector<int> ContourGenerator(const PosedBody& body,
+                                  const std::vector<Quad>& quads,
+                                  const Vector3d& camera_in_world) {
+  const size_t n = body.mesh.vertices.size();
+  std::vector<double> facing(n);
+  for (size_t i = 0; i < n; ++i) {
+    facing[i] = body.normals[i].dot(
+        (camera_in_world - body.mesh.vertices[i]).normalized());
+  }
+  std::vector<bool> on_rim(n, false);
+  for (const Quad& quad : quads) {
+    for (int k = 0; k < 4; ++k) {
+      const int a = quad[k], b = quad[(k + 1) % 4];
+      if ((facing[a] < 0) == (facing[b] < 0)) continue;
+      on_rim[std::abs(facing[a]) <= std::abs(facing[b]) ? a : b] = true;
+    }
+  }
+  std::vector<int> rim;
+  for (size_t i = 0; i < n; ++i) {
+    if (on_rim[i]) rim.push_back(static_cast<int>(i));
+  }
+  return rim;
+}
+
+std::vector<RimPoint> FindRim(const PosedBody& body,
+                              const std::vector<Quad>& quads,
+                              const View& view,
+                              int view_index) {
+  const Camera scaled = ScaledPinhole(view.camera, kOutlineScale);
+  const Outline outline = DrawOutline(scaled, body.mesh);
+  const cv::Rect frame(1, 1, scaled.width - 2, scaled.height - 2);
+  std::vector<RimPoint> rim;
+  for (const int v :
+       ContourGenerator(body, quads, view.camera.CenterInWorld())) {
+    const Vector3d& x = body.mesh.vertices[v];
+    const auto projection = ProjectWithDerivative(view.camera, x);
+    if (!projection) continue;
+    const Vector2d at = scaled.ProjectPinhole(x);
+    const cv::Point pixel(static_cast<int>(std::lround(at.x())),
+                          static_cast<int>(std::lround(at.y())));
+    if (!frame.contains(pixel)) continue;
+    if (outline.distance(pixel) > kOutlineTolerance) continue;
+    const Vector2d normal =
+        (view.camera.camera_from_world * body.normals[v]).head<2>();
+    if (normal.norm() < 0.3) continue;
+    rim.push_back({v,
+                   view_index,
+                   projection->pixel,
+                   normal.normalized(),
+                   projection->depth,
+                   1.0});
+  }
+  if (!rim.empty()) {
+    const double spacing = outline.length / static_cast<double>(rim.size());
+    for (RimPoint& point : rim) {
+      point.weight = std::min(1.0, spacing / kContourCorrelationPixels);
+    }
+  }
+  return rim;
+}
+
+// Pairs are found by distance, where a difference of normals counts as well:
+// 1 - cos = 1 costs as much as kNormalPixels.
+constexpr double kNormalPixels = 40;
+
+void PairContour(const std::vector<RimPoint>& rim,
+                 const ObservedContour& contour,
+                 double max_distance,
+                 std::vector<ContourPair>* pairs,
+                 int* num_unexplained) {
+  for (size_t i = 0; i < contour.pixel.size(); ++i) {
+    const RimPoint* best = nullptr;
+    double best_cost = max_distance * max_distance;
+    for (const RimPoint& point : rim) {
+      const double distance = (point.pixel - contour.pixel[i]).squaredNorm();
+      if (distance >= best_cost) continue;
+      const double agreement = point.normal.dot(contour.normal[i]);
+      if (agreement < kMinNormalAgreement) continue;
+      const double turn = kNormalPixels * (1 - agreement);
+      if (distance + turn * turn < best_cost) {
+        best_cost = distance + turn * turn;
+        best = &point;
+      }
+    }
+    if (best == nullptr) {
+      ++*num_unexplained;
+      continue;
+    }
+    pairs->push_back({best->vertex,
+                      best->view,
+                      contour.pixel[i],
+                      contour.normal[i],
+                      best->depth,
+                      0});
+  }
+}
+
+}  // namespace
+
+PosedBody PoseForFit(const Body& body, const Pose& pose) {
+  PosedBody posed;
+  posed.motions = VertexMotions(body, pose);
+  posed.mesh.vertices = RestVertices(body);
+  for (size_t i = 0; i < posed.motions.size(); ++i) {
+    Vector3d& x = posed.mesh.vertices[i];
+    x = posed.motions[i].rotation * x + posed.motions[i].translation;
+  }
+  posed.mesh.triangles =
+      TriangulateQuads(body.topology.quads, posed.mesh.vertices);
+  posed.normals = VertexNormals(posed.mesh);
+  return posed;
+}
+
+ObservedContour ObserveContour(const View& view, double spacing) {
+  ObservedContour observed;
+  constexpr double kBorder = 3;  // pixels
+  for (const auto& polyline : SubpixelContours(view.coverage)) {
+    std::vector<Vector2d> pinhole;
+    pinhole.reserve(polyline.size());
+    for (const Vector2d& pixel : polyline) {
+      pinhole.push_back(view.camera.Undistort(pixel));
+    }
+    double length = 0;
+    for (size_t i = 0; i < pinhole.size(); ++i) {
+      length += (pinhole[(i + 1) % pinhole.size()] - pinhole[i]).norm();
+    }
+    // Specks have no shape to compare.
+    if (length < 8 * spacing) continue;
+    const int num_samples = static_cast<int>(length / spacing);
+    const double step = length / num_samples;
+    double walked = 0, next = 0;
+    for (size_t i = 0; i < pinhole.size(); ++i) {
+      const size_t j = (i + 1) % pinhole.size();
+      const double piece = (pinhole[j] - pinhole[i]).norm();
+      while (next < walked + piece && piece > 0) {
+        const double f = (next - walked) / piece;
+        const Vector2d at = pinhole[i] + f * (pinhole[j] - pinhole[i]);
+        // A chord over some points gives a steadier tangent than one piece.
+        const size_t reach = 3;
+        const Vector2d chord =
+            pinhole[(j + reach) % pinhole.size()] -
+            pinhole[(i + pinhole.size() - reach % pinhole.size()) %
+                    pinhole.size()];
+        next += step;
+        const Vector2d picture = view.camera.Distort(at);
+        const bool at_border = picture.x() < kBorder || picture.y() < kBorder ||
+                               picture.x() > view.camera.width - 1 - kBorder ||
+                               picture.y() > view.camera.height - 1 - kBorder;
+        if (at_border || chord.norm() < 1e-9) continue;
+        Vector2d normal = Vector2d(chord.y(), -chord.x()).normalized();
+        // The distance grows to the outside whichever way the line was walked.
+        if (SampleBilinear(view.signed_distance, at + 2 * normal).value <
+            SampleBilinear(view.signed_distance, at - 2 * normal).value) {
+          normal = -normal;
+        }
+        observed.pixel.push_back(at);
+        observed.normal.push_back(normal);
+      }
+      walked += piece;
+    }
+  }
+  return observed;
+}
+
+RimEvidence GatherRimEvidence(const PosedBody& body,
+                              const std::vector<Quad>& quads,
+                              const std::vector<View>& views,
+                              const std::vector<ObservedContour>& contours,
+                              double max_distance) {
+  struct PerView {
+    std::vector<RimPoint> rim;
+    std::vector<ContourPair> pairs;
+    int num_unexplained = 0;
+  };
+  std::vector<PerView> per_view(views.size());
+  tbb::parallel_for(size_t{0}, views.size(), [&](size_t v) {
+    PerView& result = per_view[v];
+    result.rim = FindRim(body, quads, views[v], static_cast<int>(v));
+    PairContour(result.rim,
+                contours[v],
+                max_distance,
+                &result.pairs,
+                &result.num_unexplained);
+    const auto& pixel = contours[v].pixel;
+    if (pixel.size() < 2) return;
+    const double spacing = (pixel[1] - pixel[0]).norm();
+    for (ContourPair& pair : result.pairs) {
+      pair.weight = std::min(1.0, spacing / kContourCorrelationPixels);
+    }
+  });
+  RimEvidence evidence;
+  for (const PerView& result : per_view) {
+    evidence.rim.insert(
+        evidence.rim.end(), result.rim.begin(), result.rim.end());
+    evidence.contour.insert(
+        evidence.contour.end(), result.pairs.begin(), result.pairs.end());
+    evidence.num_unexplained += result.num_unexplained;
+  }
+  return evidence;
+}
+
+}  // namespace sweepfit

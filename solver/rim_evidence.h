@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "capture/silhouette.h"
+#include "model/body.h"
+
+namespace sweepfit {
+
+// A body in one posture with what the evidence is compared to.
+struct PosedBody {
+  TriangleMesh mesh;                      // world
+  std::vector<Eigen::Vector3d> normals;   // per vertex, outward, world
+  std::vector<VertexMotion> motions;      // rest -> world
+};
+PosedBody PoseForFit(const Body& body, const Pose& pose);
+
+// The observed outline of one view: points every `spacing` pinhole pixels with
+// outward unit normals. Pieces at the picture's border are left out: there the
+// picture ends, not the person.
+struct ObservedContour {
+  std::vector<Eigen::Vector2d> pixel;
+  std::vector<Eigen::Vector2d> normal;
+};
+ObservedContour ObserveContour(const View& view, double spacing);
+
+// A vertex on the outline of the posed body in one view.
+struct RimPoint {
+  int vertex;
+  int view;
+  Eigen::Vector2d pixel;   // pinhole
+  Eigen::Vector2d normal;  // outward unit normal in the picture
+  double depth;
+  double weight;           // share of an independent observation, see below
+};
+
+// An observed contour point and the rim vertex that explains it best.
+struct ContourPair {
+  int vertex;
+  int view;
+  Eigen::Vector2d contour_pixel;
+  Eigen::Vector2d contour_normal;
+  double depth;
+  double weight;
+};
+
+// Neighbouring boundary pixels share their errors over about 15 px, so a point
+// counts as spacing / 15 of an observation; otherwise thousands of pixels would
+// outvote every prior.
+inline constexpr double kContourCorrelationPixels = 15;
+
+struct RimEvidence {
+  std::vector<RimPoint> rim;         // model -> image
+  std::vector<ContourPair> contour;  // image -> model
+  int num_unexplained = 0;           // contour points without a partner
+};
+
+// Finds the rim of the posed body in every view (contour generator on the
+// outline of the body) and pairs it with the observed contours. A pair must lie
+// within max_distance pixels and its normals within 60 degrees.
+RimEvidence GatherRimEvidence(const PosedBody& body,
+                              const std::vector<Quad>& quads,
+                              const std::vector<View>& views,
+                              const std::vector<ObservedContour>& contours,
+                              double max_distance);
+
+}  // namespace sweepfit

@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "solver/solve_person.h"
+
+#include <cmath>
+#include <map>
+
+#include "residuals/contour_match.h"
+#include "residuals/hull_distance.h"
+#include "residuals/silhouette_rim.h"
+#include "solver/person_problem.h"
+
+namespace sweepfit {
+namespace {
+
+// Every n-th vertex is asked whether it lies inside the hull; vertices stand
+// about 12 mm apart, so this many still see every part.
+constexpr int kHullStride = 7;
+
+void AddSurface(const PoseEvidence& evidence,
+                int pose,
+                const OutlineFit& outline,
+                double weight,
+                const Body& body,
+                const JointEstimate& estimate,
+                const GirthBasis* basis,
+                const std::vector<double>& girth,
+                PersonProblem* problem) {
+  const PosedBody posed = PoseForFit(body, estimate.pose);
+  const std::vector<View>& views = *evidence.views;
+  const RimEvidence rims = GatherRimEvidence(posed,
+                                             body.topology.quads,
+                                             views,
+                                             *evidence.contours,
+                                             outline.max_distance);
+  std::map<int, std::shared_ptr<const ShapedPoint>> carried;
+  const auto carry = [&](int vertex) {
+    auto& point = carried[vertex];
+    if (point == nullptr) {
+      point =
+          CarryVertex(body, estimate.frames, posed, vertex, basis, girth);
+    }
+    return point;
+  };
+  for (const RimPoint& rim : rims.rim) {
+    const View& view = views[rim.view];
+    problem->AddPoint(
+        Family::kSilhouette,
+        pose,
+        SilhouetteRim(&view.camera, &view.signed_distance, outline.sigma),
+        carry(rim.vertex),
+        weight * rim.weight,
+        new ceres::HuberLoss(2));
+  }
+  for (const ContourPair& pair : rims.contour) {
+    const View& view = views[pair.view];
+    problem->AddPoint(Family::kSilhouette,
+                      pose,
+                      ContourMatch(&view.camera,
+                                   pair.contour_pixel,
+                                   pair.contour_normal,
+                                   pair.depth,
+                                   outline.sigma),
+                      carry(pair.vertex),
+                      weight * pair.weight,
+                      new ceres::TukeyLoss(6));
+  }
+  HullDistance::Options hull;
+  hull.margin = 0.5 * evidence.volume->voxel_size();
+  hull.sigma_outside = outline.sigma;
+  hull.sigma_inside = 10 * outline.sigma;
+  for (size_t v = 0; v < posed.mesh.vertices.size(); v += kHullStride) {
+    problem->AddPoint(Family::kHull,
+                      pose,
+                      HullDistance(evidence.volume, hull),
+                      carry(static_cast<int>(v)),
+                      0.3 * weight,
+                      new ceres::HuberLoss(2));
+  }
+}
+
+}  // namespace
+
+nlohmann::ordered_json SolvePerson(const std::vector<PoseEvidence>& evidence,
+                                   const OutlineFit& outline,
+                                   const JointOptions& options,
+                                   const GirthBasis* basis,
+                                   std::vector<double>* girth,
+                                   Body* body,
+                                   JointResult* joints) {
+  const JointAngles angles(joints->base);
+  PersonParameters parameters;
+  parameters.pose = joints->coordinates;
+  parameters.log_length = joints->log_length;
+  parameters.person = {joints->stature, joints->sex};
+  if (basis != nullptr) parameters.girth = *girth;
+
+  // The stretch terms of carried points count from the lengths the body has
+  // now, so this problem starts there.
+  const std::array<double, kNumLengthGroups> before = parameters.log_length;
+  parameters.log_length.fill(0);
+  PersonProblem problem(body->skeleton, &angles, &parameters);
+  const double loss_scale = 2;
+  const bool sigma_mode = options.mode == "sigma";
+  const JointOptions::Weights weights =
+      sigma_mode ? options.weights : JointOptions::Weights();
+  for (size_t p = 0; p < evidence.size(); ++p) {
+    for (const Landmark3& landmark : evidence[p].landmarks->landmarks) {
+      problem.AddLandmark(static_cast<int>(p),
+                          landmark.joint,
+                          landmark.point_in_world,
+                          landmark.covariance,
+                          weights.landmark,
+                          loss_scale);
+    }
+    AddSurface(evidence[p],
+               static_cast<int>(p),
+               outline,
+               weights.silhouette,
+               *body,
+               joints->poses[p],
+               basis,
+               parameters.girth,
+               &problem);
+  }
+  problem.AddAnthropometric(Anthropometry::Default(), weights.anthropometric);
+  problem.AddTemplateRatio(joints->base,
+                           body->stature,
+                           options.template_sigma,
+                           weights.template_ratio);
+  problem.AddPosePrior(weights.pose);
+  problem.AddPersonPrior(
+      joints->stature, joints->stature_sigma, weights.stature);
+  if (basis != nullptr) problem.AddGirthPrior(basis->sigma(), 1.0);
+
+  // The paper's joints are decided by its closed form alone.
+  if (!sigma_mode) problem.HoldLengthsAndPerson();
+  nlohmann::ordered_json report = problem.Solve(outline.max_iterations);
+
+  FillJointResult(problem, angles, parameters, joints);
+  for (int g = 0; g < kNumLengthGroups; ++g) {
+    joints->log_length[g] = before[g] + parameters.log_length[g];
+  }
+  SetBoneLengths(joints->skeleton.length, body);
+  if (basis != nullptr) {
+    *girth = parameters.girth;
+    basis->Apply(*girth, body);
+  }
+  return report;
+}
+
+double MeanRimError(const RimEvidence& evidence,
+                    const std::vector<View>& views) {
+  double sum = 0, weight = 0;
+  for (const RimPoint& rim : evidence.rim) {
+    const View& view = views[rim.view];
+    const double distance =
+        SampleBilinear(view.signed_distance, rim.pixel).value;
+    sum += rim.weight * std::abs(distance) * rim.depth /
+           view.camera.FocalLength();
+    weight += rim.weight;
+  }
+  return weight > 0 ? sum / weight : 0;
+}
+
+}  // namespace sweepfit

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "solver/carried_surface.h"
+#include "solver/fit_body.h"
+
+namespace sweepfit {
+
+// How closely the outlines are to be followed in one solve.
+struct OutlineFit {
+  double sigma;          // metres
+  double max_distance;   // pixels between contour and rim
+  int max_iterations;
+};
+
+// One solve of poses, lengths and girths of a person with all residual
+// families: finds the rims of the body as it stands, assembles the problem and
+// solves it. `basis` null: girths stay. Updates body (lengths, girths), joints
+// and girth; returns the report of the solve.
+nlohmann::ordered_json SolvePerson(const std::vector<PoseEvidence>& evidence,
+                                   const OutlineFit& outline,
+                                   const JointOptions& options,
+                                   const GirthBasis* basis,
+                                   std::vector<double>* girth,
+                                   Body* body,
+                                   JointResult* joints);
+
+// Mean distance in metres between the rim of the body and the silhouettes.
+double MeanRimError(const RimEvidence& evidence, const std::vector<View>& views);
+
+}  // namespace sweepfit
