@@ -23,7 +23,8 @@ std::vector<Triangle> TriangulateQuads(
     const std::vector<Quad>& quads,
     const std::vector<Eigen::Vector3d>& vertices);
 
-// Area-weighted unit vertex normals, pointing outside.
+// Area-weighted unit vertex normals, pointing outside. +Y where a vertex has
+// no area around it.
 std::vector<Eigen::Vector3d> VertexNormals(const TriangleMesh& mesh);
 
 // Enclosed volume by the divergence theorem, cubic metres; positive for a
@@ -32,14 +33,15 @@ double EnclosedVolume(const TriangleMesh& mesh);
 
 double SurfaceArea(const TriangleMesh& mesh);
 
-// What a closed surface must satisfy, counted (by OpenMesh where it can).
+// What a closed surface must satisfy, counted. A vertex without faces is a
+// component of its own.
 struct MeshTopology {
   int num_boundary_edges = 0;
-  int num_non_manifold_edges = 0;      // edges with more than two faces
-  int num_misoriented_edges = 0;       // edges run twice the same way
+  int num_non_manifold_edges = 0;  // edges with more than two faces
+  int num_misoriented_edges = 0;   // edges run twice the same way
   int num_non_manifold_vertices = 0;
   int num_components = 0;
-  int euler_characteristic = 0;        // of the whole mesh
+  int euler_characteristic = 0;  // of the whole mesh
   bool IsClosedManifold() const {
     return num_boundary_edges == 0 && num_non_manifold_edges == 0 &&
            num_misoriented_edges == 0 && num_non_manifold_vertices == 0;
@@ -47,11 +49,13 @@ struct MeshTopology {
 };
 MeshTopology CheckTopology(const TriangleMesh& mesh);
 
-// The component with the largest enclosed volume.
+// The component with the largest enclosed volume, vertices and triangles in
+// their old order; empty for a mesh without triangles.
 TriangleMesh LargestComponent(const TriangleMesh& mesh);
 
 // Binary PLY, 32-bit floats, triangles. Throw InputError when the file cannot
-// be written or read. LoadPly reads ascii and binary little endian.
+// be written or read. LoadPly reads ascii and binary little endian with any
+// further elements and properties, and splits larger faces into fans.
 void SavePly(const TriangleMesh& mesh, const std::string& path);
 TriangleMesh LoadPly(const std::string& path);
 
