@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "capture/matte.h"
+
+#include <algorithm>
+#include <opencv2/imgproc.hpp>
+
+namespace sweepfit {
+namespace {
+
+constexpr int kBand = 3;  // px on both sides of the boundary
+
+cv::Mat Disc(int radius) {
+  return cv::getStructuringElement(cv::MORPH_ELLIPSE,
+                                   {2 * radius + 1, 2 * radius + 1});
+}
+
+// Weighted means over a window; the weights fall to tiny ones where nothing
+// better is near, so that thin limbs still have a colour.
+cv::Mat3f LocalMean(const cv::Mat3f& image,
+                    const cv::Mat1f& weight,
+                    int window) {
+  cv::Mat3f weights;
+  cv::merge(std::vector<cv::Mat1f>{weight, weight, weight}, weights);
+  cv::Mat3f sum, norm;
+  cv::boxFilter(image.mul(weights), sum, CV_32F, {window, window});
+  cv::boxFilter(weights, norm, CV_32F, {window, window});
+  return sum / (norm + cv::Scalar::all(1e-12));
+}
+
+// 1 well inside the mask, falling to tiny values towards its boundary and 0
+// beyond it.
+cv::Mat1f CoreWeight(const cv::Mat1b& mask) {
+  cv::Mat1b core, inner;
+  cv::erode(mask, core, Disc(2));
+  cv::erode(mask, inner, Disc(1));
+  cv::Mat1f weight(mask.size());
+  for (int y = 0; y < mask.rows; ++y) {
+    for (int x = 0; x < mask.cols; ++x) {
+      weight(y, x) = core(y, x)    ? 1.f
+                     : inner(y, x) ? 1e-2f
+                     : mask(y, x)  ? 1e-4f
+                                   : 0.f;
+    }
+  }
+  return weight;
+}
+
+// One round: the mixing ratio in the band around the mask's boundary.
+cv::Mat1f Mix(const cv::Mat3f& picture,
+              const cv::Mat3f& background,
+              const cv::Mat1b& mask) {
+  constexpr int kWindow = 11;
+  constexpr float kDarkestRatio = 0.3f, kBrightestRatio = 1.3f;
+  const cv::Mat1b outside = mask == 0;
+  const cv::Mat3f person = LocalMean(picture, CoreWeight(mask), kWindow);
+  const cv::Mat1f outside_weight = CoreWeight(outside);
+  const cv::Mat3f picture_outside = LocalMean(picture, outside_weight, kWindow);
+  const cv::Mat3f background_outside =
+      LocalMean(background, outside_weight, kWindow);
+  cv::Mat1b grown, shrunk;
+  cv::dilate(mask, grown, Disc(kBand));
+  cv::erode(mask, shrunk, Disc(kBand));
+  cv::Mat1f prior;
+  mask.convertTo(prior, CV_32F, 1.0 / 255);
+  cv::GaussianBlur(prior, prior, {}, 0.8, 0.8, cv::BORDER_REPLICATE);
+
+  cv::Mat1f alpha(mask.size());
+  for (int y = 0; y < mask.rows; ++y) {
+    for (int x = 0; x < mask.cols; ++x) {
+      if (shrunk(y, x) || !grown(y, x)) {
+        alpha(y, x) = shrunk(y, x) ? 1.f : 0.f;
+        continue;
+      }
+      float along = 0, contrast = 0, brightness = 0;
+      for (int c = 0; c < 3; ++c) {
+        const float ratio =
+            std::clamp((picture_outside(y, x)[c] + 1e-3f) /
+                           (background_outside(y, x)[c] + 1e-3f),
+                       kDarkestRatio,
+                       kBrightestRatio);
+        const float b = background(y, x)[c] * ratio;
+        const float f = person(y, x)[c];
+        along += (picture(y, x)[c] - b) * (f - b);
+        contrast += (f - b) * (f - b);
+        brightness += 0.5f * (f + b) / 3;
+      }
+      // Noise and texture of the colours that are mixed.
+      const float sigma = 0.004f + 0.06f * brightness;
+      const float trust = sigma * sigma;
+      alpha(y, x) = std::clamp(
+          (along + trust * prior(y, x)) / (contrast + trust), 0.f, 1.f);
+    }
+  }
+  return alpha;
+}
+
+}  // namespace
+
+cv::Mat1f BoundaryCoverage(const cv::Mat3f& picture_linear,
+                           const cv::Mat3f& background_linear,
+                           const cv::Mat1b& mask) {
+  constexpr int kRounds = 2;
+  constexpr int kMargin = 16;
+  cv::Mat1f coverage(mask.size(), 0.f);
+  const cv::Rect box = cv::boundingRect(mask);
+  if (box.empty()) return coverage;
+  const cv::Rect crop =
+      (box + cv::Size(2 * kMargin, 2 * kMargin) - cv::Point(kMargin, kMargin)) &
+      cv::Rect({0, 0}, mask.size());
+  cv::Mat1b current = mask(crop).clone();
+  cv::Mat1f alpha;
+  for (int round = 0; round < kRounds; ++round) {
+    alpha = Mix(picture_linear(crop), background_linear(crop), current);
+    current = alpha > 0.5f;
+  }
+  alpha.copyTo(coverage(crop));
+  return coverage;
+}
+
+}  // namespace sweepfit
