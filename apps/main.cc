@@ -1,1 +1,94 @@
-int main() { return 0; }
+// SPDX-License-Identifier: Apache-2.0
+//
+// The command `sweepfit`. Exit status: 0 done, 1 the fit failed, 2 bad usage or
+// bad input.
+#include <glog/logging.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <opencv2/core/utils/logger.hpp>
+#include <string_view>
+
+#include "apps/runtime.h"
+#include "apps/verbs.h"
+#include "experiments/version.h"
+#include "model/input_error.h"
+
+namespace sweepfit {
+namespace {
+
+constexpr int kDone = 0;
+constexpr int kFailed = 1;
+constexpr int kBadInput = 2;
+
+int Report(const std::string& text, int status) {
+  std::fprintf(stderr, "sweepfit: error: %s\n", OneLine(text).c_str());
+  return status;
+}
+
+// The sparse solvers use OpenMP, whose results depend on the number of threads.
+// It reads its environment before main, so the program starts itself anew.
+void UseOneOpenMpThread(char** argv) {
+  const char* threads = std::getenv("OMP_NUM_THREADS");
+  if (threads != nullptr && std::string_view(threads) == "1") return;
+  setenv("OMP_NUM_THREADS", "1", 1);
+  execv("/proc/self/exe", argv);
+  // Without /proc the run goes on; only repeatability is at stake.
+}
+
+void SilenceLibraries(const char* program) {
+  google::InitGoogleLogging(program);
+  FLAGS_logtostderr = true;
+  FLAGS_minloglevel = google::GLOG_FATAL;
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+}
+
+std::string HelpHint(const CLI::App& command) {
+  for (const CLI::App* verb : command.get_subcommands()) {
+    return " (see sweepfit " + verb->get_name() + " --help)";
+  }
+  return " (see sweepfit --help)";
+}
+
+int Run(int argc, char** argv) {
+  CLI::App command(
+      "sweepfit turns calibrated photographs of one person into an animatable "
+      "body.");
+  command.name("sweepfit");
+  command.set_version_flag("--version", kVersion);
+  command.require_subcommand(1);
+  command.footer("Example: sweepfit demo --out demo");
+  std::function<void()> run;
+  AddFitVerb(&command, &run);
+  AddSynthVerb(&command, &run);
+  AddDemoVerb(&command, &run);
+  AddEvaluateVerb(&command, &run);
+  try {
+    command.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return command.exit(error);  // --help
+    return Report(error.what() + HelpHint(command), kBadInput);
+  }
+  try {
+    run();
+    return kDone;
+  } catch (const InputError& error) {
+    return Report(error.what(), kBadInput);
+  } catch (const FitError& error) {
+    return Report(error.what(), kFailed);
+  } catch (const std::exception& error) {
+    return Report(std::string("internal error: ") + error.what(), kFailed);
+  }
+}
+
+}  // namespace
+}  // namespace sweepfit
+
+int main(int argc, char** argv) {
+  sweepfit::UseOneOpenMpThread(argv);
+  sweepfit::SilenceLibraries(argv[0]);
+  return sweepfit::Run(argc, argv);
+}

@@ -97,7 +97,7 @@ class Writer {
     }
   }
 
-  void Write(Progress* progress) {
+  Json Write() {
     const auto start = std::chrono::steady_clock::now();
     WriteText(folder_ / "fit.yaml", FitConfigToYaml(input_.config));
     WriteSilhouettes();
@@ -117,10 +117,10 @@ class Writer {
     }
     if (result_.texture) WriteTexture();
     if (result_.skin) WriteModel();
-    if (progress != nullptr) progress->Stage("report", "");
     const Json report = Report(SecondsSince(start));
     WriteText(folder_ / "report.html", ReportHtml(report, joints, pictures_));
     WriteText(folder_ / kReportFile, Dump(report));
+    return report;
   }
 
  private:
@@ -448,11 +448,11 @@ Json LandmarksToJson(const std::vector<PoseResult>& poses) {
   return {{"unit", "m"}, {"poses", all}};
 }
 
-void WriteResult(const ResultInput& input,
+Json WriteResult(const ResultInput& input,
                  const fs::path& folder,
                  Progress* progress) {
   if (progress != nullptr) progress->Stage("write", "");
-  Writer(input, folder).Write(progress);
+  return Writer(input, folder).Write();
 }
 
 }  // namespace sweepfit

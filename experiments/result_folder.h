@@ -39,10 +39,10 @@ std::vector<std::string> HoldoutCamerasUsed(
 // Writes every file of a result into `folder`, which exists (README.md lists
 // them): what the last stage that ran has made. InputError when a file cannot
 // be written. Bytes depend on the input only, apart from the object "times" of
-// report.json and what report.html shows of it.
-void WriteResult(const ResultInput& input,
-                 const std::filesystem::path& folder,
-                 Progress* progress);
+// report.json and what report.html shows of it. Returns what report.json says.
+nlohmann::ordered_json WriteResult(const ResultInput& input,
+                                   const std::filesystem::path& folder,
+                                   Progress* progress);
 
 // Pieces of the above, for tests and other writers.
 nlohmann::ordered_json JointsToJson(const std::vector<PoseResult>& poses);

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/runtime.h"
+
+#include <tbb/info.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <opencv2/core/utility.hpp>
+
+namespace sweepfit {
+namespace {
+
+int NumThreads(int wanted) {
+  return wanted > 0 ? wanted : std::max(1, tbb::info::default_concurrency());
+}
+
+}  // namespace
+
+ConsoleProgress::ConsoleProgress(bool quiet)
+    : quiet_(quiet),
+      terminal_(isatty(STDERR_FILENO) != 0),
+      start_(std::chrono::steady_clock::now()) {}
+
+ConsoleProgress::~ConsoleProgress() { Clear(); }
+
+void ConsoleProgress::Stage(const std::string& stage,
+                            const std::string& detail) {
+  if (quiet_) return;
+  const double seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start_)
+          .count();
+  char time[32];
+  std::snprintf(time, sizeof(time), "%7.1f s  ", seconds);
+  line_ = time + stage + (detail.empty() ? "" : " " + detail);
+  if (terminal_) {
+    std::fprintf(stderr, "\r\033[K%s", line_.c_str());
+  } else {
+    std::fprintf(stderr, "%s\n", line_.c_str());
+  }
+  std::fflush(stderr);
+}
+
+void ConsoleProgress::Warning(const std::string& text) {
+  if (quiet_) return;
+  const std::string line = line_;
+  Clear();
+  std::fprintf(stderr, "  warning: %s\n", OneLine(text).c_str());
+  if (terminal_) std::fprintf(stderr, "%s", line.c_str());
+  line_ = line;
+  std::fflush(stderr);
+}
+
+void ConsoleProgress::Clear() {
+  if (terminal_ && !line_.empty()) std::fprintf(stderr, "\r\033[K");
+  std::fflush(stderr);
+  line_.clear();
+}
+
+Runtime::Runtime(const CommonArguments& arguments)
+    : threads_(tbb::global_control::max_allowed_parallelism,
+               NumThreads(arguments.threads)),
+      progress_(arguments.quiet),
+      quiet_(arguments.quiet) {
+  cv::setNumThreads(NumThreads(arguments.threads));
+}
+
+void AddCommonArguments(CLI::App* verb, CommonArguments* arguments) {
+  verb->add_option("--threads",
+                   arguments->threads,
+                   "Threads to use (default: one per processor); results do "
+                   "not depend on it")
+      ->check(CLI::Range(1, 1024));
+  verb->add_flag("--quiet", arguments->quiet, "Print errors only");
+}
+
+std::string OneLine(std::string text) {
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  return text;
+}
+
+}  // namespace sweepfit

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <string>
+
+namespace sweepfit {
+
+// What every verb can be told.
+struct CommonArguments {
+  int threads = 0;  // 0: one per processor
+  bool quiet = false;
+};
+void AddCommonArguments(CLI::App* verb, CommonArguments* arguments);
+
+// Each adds one verb to the command; when the verb is chosen, `*run` becomes
+// its work.
+void AddFitVerb(CLI::App* command, std::function<void()>* run);
+void AddSynthVerb(CLI::App* command, std::function<void()>* run);
+void AddDemoVerb(CLI::App* command, std::function<void()>* run);
+void AddEvaluateVerb(CLI::App* command, std::function<void()>* run);
+
+}  // namespace sweepfit
