@@ -1,0 +1,308 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pictures of a mesh as a camera sees it.
+#include "capture/render.h"
+
+#include <glog/logging.h>
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <numbers>
+
+namespace sweepfit {
+namespace {
+
+// Geometry nearer than this is cut off, metres.
+constexpr double kNear = 1e-3;
+
+// The part of a triangle before the camera: up to four corners, camera frame.
+struct ClippedTriangle {
+  std::array<Eigen::Vector3d, 4> corner;
+  int count = 0;
+};
+
+ClippedTriangle ClipAtNear(const std::array<Eigen::Vector3d, 3>& triangle) {
+  ClippedTriangle result;
+  for (int i = 0; i < 3; ++i) {
+    const Eigen::Vector3d& a = triangle[i];
+    const Eigen::Vector3d& b = triangle[(i + 1) % 3];
+    if (a.z() >= kNear) result.corner[result.count++] = a;
+    if ((a.z() >= kNear) != (b.z() >= kNear)) {
+      const double t = (kNear - a.z()) / (b.z() - a.z());
+      result.corner[result.count++] = a + t * (b - a);
+    }
+  }
+  return result;
+}
+
+// Yes-or-no samples of a picture, several to a pixel along each axis. Sample i
+// lies at (i + 0.5) / n - 0.5 pixels.
+class SampleGrid {
+ public:
+  SampleGrid(cv::Size pixels, int per_pixel)
+      : per_pixel_(per_pixel),
+        samples_(pixels.height * per_pixel,
+                 pixels.width * per_pixel,
+                 std::uint8_t{0}) {}
+
+  double ToSample(double pixel) const {
+    return (pixel + 0.5) * per_pixel_ - 0.5;
+  }
+  double ToPixel(double sample) const {
+    return (sample + 0.5) / per_pixel_ - 0.5;
+  }
+
+  // Marks the samples inside a triangle given in pixels.
+  void Fill(const std::array<Eigen::Vector2d, 3>& triangle) {
+    std::array<Eigen::Vector2d, 3> p;
+    for (int i = 0; i < 3; ++i) {
+      p[i] = {ToSample(triangle[i].x()), ToSample(triangle[i].y())};
+    }
+    const auto [low, high] = std::minmax({p[0].y(), p[1].y(), p[2].y()});
+    const int first = static_cast<int>(std::max(0.0, std::ceil(low)));
+    const int last =
+        static_cast<int>(std::min(samples_.rows - 1.0, std::floor(high)));
+    for (int y = first; y <= last; ++y) FillRow(p, y);
+  }
+
+  cv::Mat1b& samples() { return samples_; }
+
+  cv::Mat1f Average() const {
+    const int n = per_pixel_;
+    cv::Mat1f mean(samples_.rows / n, samples_.cols / n);
+    for (int y = 0; y < mean.rows; ++y) {
+      for (int x = 0; x < mean.cols; ++x) {
+        int count = 0;
+        for (int j = 0; j < n; ++j) {
+          const std::uint8_t* row = samples_[y * n + j] + x * n;
+          for (int i = 0; i < n; ++i) count += row[i];
+        }
+        mean(y, x) = static_cast<float>(count) / static_cast<float>(n * n);
+      }
+    }
+    return mean;
+  }
+
+ private:
+  void FillRow(const std::array<Eigen::Vector2d, 3>& p, int y) {
+    double left = std::numeric_limits<double>::infinity();
+    double right = -left;
+    for (int i = 0; i < 3; ++i) {
+      const Eigen::Vector2d& a = p[i];
+      const Eigen::Vector2d& b = p[(i + 1) % 3];
+      if (std::min(a.y(), b.y()) > y || std::max(a.y(), b.y()) < y) continue;
+      if (a.y() == b.y()) {
+        left = std::min({left, a.x(), b.x()});
+        right = std::max({right, a.x(), b.x()});
+        continue;
+      }
+      const double x = a.x() + (y - a.y()) / (b.y() - a.y()) * (b.x() - a.x());
+      left = std::min(left, x);
+      right = std::max(right, x);
+    }
+    const int first = static_cast<int>(std::max(0.0, std::ceil(left)));
+    const int last =
+        static_cast<int>(std::min(samples_.cols - 1.0, std::floor(right)));
+    if (first <= last) {
+      std::fill(samples_[y] + first, samples_[y] + last + 1, std::uint8_t{1});
+    }
+  }
+
+  int per_pixel_;
+  cv::Mat1b samples_;
+};
+
+// Distorted pictures show straight edges bent. Triangles are small, so their
+// corners are distorted and joined by straight lines; longer edges than this
+// (pixels) are split first.
+constexpr double kLongestEdge = 16;
+
+void FillDistorted(const Camera& camera,
+                   const std::array<Eigen::Vector3d, 3>& triangle_in_camera,
+                   SampleGrid* grid) {
+  std::array<Eigen::Vector2d, 3> pinhole, pixel;
+  for (int i = 0; i < 3; ++i) {
+    pinhole[i] = (camera.K * triangle_in_camera[i]).hnormalized();
+  }
+  // Far outside the picture the distortion model means nothing.
+  const Eigen::Vector2d size(camera.width, camera.height);
+  Eigen::Vector2d low = pinhole[0].cwiseMin(pinhole[1]).cwiseMin(pinhole[2]);
+  Eigen::Vector2d high = pinhole[0].cwiseMax(pinhole[1]).cwiseMax(pinhole[2]);
+  if ((low.array() > 1.5 * size.array()).any() ||
+      (high.array() < -0.5 * size.array()).any()) {
+    return;
+  }
+  if (camera.HasDistortion()) {
+    int longest = 0;
+    double length = 0;
+    for (int i = 0; i < 3; ++i) {
+      const double edge = (pinhole[(i + 1) % 3] - pinhole[i]).norm();
+      if (edge > length) {
+        length = edge;
+        longest = i;
+      }
+    }
+    if (length > kLongestEdge) {
+      const Eigen::Vector3d& a = triangle_in_camera[longest];
+      const Eigen::Vector3d& b = triangle_in_camera[(longest + 1) % 3];
+      const Eigen::Vector3d& c = triangle_in_camera[(longest + 2) % 3];
+      // The middle of the edge as seen.
+      const Eigen::Vector3d middle =
+          (a / a.z() + b / b.z()) / (1 / a.z() + 1 / b.z());
+      FillDistorted(camera, {a, middle, c}, grid);
+      FillDistorted(camera, {middle, b, c}, grid);
+      return;
+    }
+  }
+  for (int i = 0; i < 3; ++i) pixel[i] = camera.Distort(pinhole[i]);
+  grid->Fill(pixel);
+}
+
+// sRGB code of a linear value 0..1.
+std::uint8_t Encode(double linear) {
+  const double v = linear <= 0.0031308
+                       ? 12.92 * linear
+                       : 1.055 * std::pow(linear, 1 / 2.4) - 0.055;
+  return cv::saturate_cast<std::uint8_t>(255 * v);
+}
+
+double Decode(double code) {
+  const double v = code / 255;
+  return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
+}
+
+// What one camera ray sees, linear BGR.
+class Shader {
+ public:
+  Shader(const TriangleMesh& mesh, const std::vector<cv::Vec3b>& vertex_color)
+      : mesh_(mesh),
+        vertex_color_(vertex_color),
+        normals_(VertexNormals(mesh)),
+        scene_(mesh) {}
+
+  cv::Vec3d Shade(const Eigen::Vector3d& origin,
+                  const Eigen::Vector3d& direction) const {
+    const RayScene::Hit hit = scene_.Intersect(origin, direction);
+    if (hit.triangle < 0) return {1, 1, 1};
+    const Triangle& t = mesh_.triangles[hit.triangle];
+    const std::array<double, 3> b = {1 - hit.b1 - hit.b2, hit.b1, hit.b2};
+    Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+    cv::Vec3d color(0, 0, 0);
+    for (int i = 0; i < 3; ++i) {
+      normal += b[i] * normals_[t[i]];
+      for (int c = 0; c < 3; ++c) {
+        constexpr double kPlainGrey = 200;
+        color[c] +=
+            b[i] *
+            Decode(vertex_color_.empty() ? kPlainGrey : vertex_color_[t[i]][c]);
+      }
+    }
+    // Soft light from the camera with a little from above.
+    const double facing = std::abs(normal.normalized().dot(direction));
+    const double from_above = 0.5 + 0.5 * normal.normalized().y();
+    return color * (0.15 + 0.65 * facing + 0.2 * from_above);
+  }
+
+ private:
+  const TriangleMesh& mesh_;
+  const std::vector<cv::Vec3b>& vertex_color_;
+  std::vector<Eigen::Vector3d> normals_;
+  RayScene scene_;
+};
+
+}  // namespace
+
+cv::Mat1f RenderCoverage(const Camera& camera,
+                         const TriangleMesh& mesh,
+                         int supersample) {
+  CHECK_GE(supersample, 1);
+  std::vector<Eigen::Vector3d> in_camera;
+  in_camera.reserve(mesh.vertices.size());
+  for (const Eigen::Vector3d& vertex : mesh.vertices) {
+    in_camera.push_back(camera.PointInCamera(vertex));
+  }
+  SampleGrid grid(cv::Size(camera.width, camera.height), supersample);
+  for (const Triangle& t : mesh.triangles) {
+    const ClippedTriangle clipped =
+        ClipAtNear({in_camera[t[0]], in_camera[t[1]], in_camera[t[2]]});
+    for (int i = 1; i + 1 < clipped.count; ++i) {
+      FillDistorted(
+          camera,
+          {clipped.corner[0], clipped.corner[i], clipped.corner[i + 1]},
+          &grid);
+    }
+  }
+  return grid.Average();
+}
+
+cv::Mat3b RenderShaded(const Camera& camera,
+                       const TriangleMesh& mesh,
+                       const std::vector<cv::Vec3b>& vertex_color) {
+  CHECK(vertex_color.empty() || vertex_color.size() == mesh.vertices.size());
+  constexpr int kSamples = 2;  // along each axis of a pixel
+  const Shader shader(mesh, vertex_color);
+  const Eigen::Vector3d origin = camera.CenterInWorld();
+  cv::Mat3b picture(camera.height, camera.width);
+  tbb::parallel_for(0, camera.height, [&](int y) {
+    for (int x = 0; x < camera.width; ++x) {
+      cv::Vec3d sum(0, 0, 0);
+      for (int j = 0; j < kSamples; ++j) {
+        for (int i = 0; i < kSamples; ++i) {
+          const Eigen::Vector2d pixel(x + (i + 0.5) / kSamples - 0.5,
+                                      y + (j + 0.5) / kSamples - 0.5);
+          sum +=
+              shader.Shade(origin, camera.RayInWorld(camera.Undistort(pixel)));
+        }
+      }
+      sum /= kSamples * kSamples;
+      picture(y, x) = {Encode(sum[0]), Encode(sum[1]), Encode(sum[2])};
+    }
+  });
+  return picture;
+}
+
+Camera LookAtMesh(const TriangleMesh& mesh,
+                  double azimuth_degrees,
+                  double elevation_degrees,
+                  int width,
+                  int height) {
+  constexpr double kDistance = 4;  // in half diagonals of the mesh
+  constexpr double kMargin = 1.05;
+  Eigen::AlignedBox3d box;
+  for (const Eigen::Vector3d& vertex : mesh.vertices) box.extend(vertex);
+  CHECK(!box.isEmpty());
+  const double radius = std::max(0.5 * box.diagonal().norm(), 1e-6);
+  const double azimuth = azimuth_degrees * std::numbers::pi / 180;
+  const double elevation = elevation_degrees * std::numbers::pi / 180;
+  const Eigen::Vector3d backward(std::sin(azimuth) * std::cos(elevation),
+                                 std::sin(elevation),
+                                 std::cos(azimuth) * std::cos(elevation));
+  const Eigen::Vector3d right(std::cos(azimuth), 0, -std::sin(azimuth));
+  Camera camera;
+  camera.id = "view";
+  camera.width = width;
+  camera.height = height;
+  camera.camera_from_world.row(0) = right;
+  camera.camera_from_world.row(1) = -backward.cross(right);
+  camera.camera_from_world.row(2) = -backward;
+  const Eigen::Vector3d center = box.center() + kDistance * radius * backward;
+  camera.world_in_camera = -camera.camera_from_world * center;
+  // The focal length that just fits the mesh into the picture.
+  double focal = std::numeric_limits<double>::infinity();
+  for (const Eigen::Vector3d& vertex : mesh.vertices) {
+    const Eigen::Vector3d p = camera.PointInCamera(vertex);
+    focal = std::min({focal,
+                      0.5 * width * p.z() / std::max(std::abs(p.x()), 1e-9),
+                      0.5 * height * p.z() / std::max(std::abs(p.y()), 1e-9)});
+  }
+  focal /= kMargin;
+  camera.K << focal, 0, 0.5 * (width - 1), 0, focal, 0.5 * (height - 1), 0, 0,
+      1;
+  return camera;
+}
+
+}  // namespace sweepfit
