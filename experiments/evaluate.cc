@@ -55,17 +55,6 @@ JointPositions FittedJoints(const fs::path& folder, const std::string& pose) {
   return ReadJoints(json["poses"][pose], path);
 }
 
-JointPositions TrueJoints(const fs::path& path) {
-  const Json json = LoadJson(path);
-  if (json.value("unit", "m") != "m") {
-    throw InputError(path.string() + ": unit must be m");
-  }
-  if (!json.contains("joints")) {
-    throw InputError(path.string() + ": no key 'joints'");
-  }
-  return ReadJoints(json["joints"], path);
-}
-
 cv::Mat1f LoadResultMask(const fs::path& path, const Camera& camera) {
   const cv::Mat1b mask = cv::imread(path.string(), cv::IMREAD_GRAYSCALE);
   if (mask.empty()) throw InputError(path.string() + ": cannot read the mask");
@@ -119,7 +108,7 @@ class PoseEvaluator {
     bool any = false;
     if (fs::exists(truth / "joints.json")) {
       score->joints = CompareJoints(FittedJoints(folder_, pose_.name),
-                                    TrueJoints(truth / "joints.json"));
+                                    LoadTruthJoints(truth / "joints.json"));
       any = true;
     }
     if (fs::exists(truth / "surface.ply")) {
