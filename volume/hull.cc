@@ -3,9 +3,12 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
+#include <map>
 #include <utility>
 #include <vector>
 
@@ -18,10 +21,10 @@
 namespace sweepfit {
 namespace {
 
-// Voxels along the cells at which work is handed to threads.
-constexpr int kCoarseSide = 64;
+// Voxels along the cells among which the person is looked for.
+constexpr int kCoarseSide = 16;
 // More cells than a person can need: the units must be wrong.
-constexpr size_t kMaxCoarseCells = 8000;
+constexpr size_t kMaxCells = 400000;
 // A point must be seen by this many cameras to count as inside.
 constexpr int kMinViews = 2;
 // phi changes by at most this much per metre, perspective included.
@@ -33,6 +36,7 @@ struct Cell {
   int side = 0;            // voxels
   std::vector<int> cones;  // those that may pass through or see only a part
   int num_inside = 0;      // other cones, which hold all of the cube
+  int num_hopeful = 0;     // of `cones`, those that may hold some of it
 };
 
 enum class Verdict { kOutside, kInside, kMixed };
@@ -44,7 +48,7 @@ class HullBuilder {
         voxel_size_(voxel_size),
         band_(kBandVoxels * voxel_size) {}
 
-  // The 64^3 cells near or inside the hull, in a fixed order.
+  // The smallest coarse cells near or inside the hull, in a fixed order.
   std::vector<Cell> CoarseCells() const;
   // Blocks of 8^3 voxels of one cell.
   void Refine(Cell cell, std::vector<BlockGrid::Block>* blocks) const;
@@ -72,6 +76,7 @@ Verdict HullBuilder::Judge(Cell* cell) const {
   const double clear = kLipschitz * radius + band_;
   std::vector<int> open;
   open.reserve(cell->cones.size());
+  cell->num_hopeful = 0;
   for (const int c : cell->cones) {
     double phi = 0;
     switch (cones_[c].EvaluateBall(center, radius, &phi)) {
@@ -79,6 +84,7 @@ Verdict HullBuilder::Judge(Cell* cell) const {
         break;
       case SilhouetteCone::Sees::kPart:
         open.push_back(c);
+        if (phi < band_) ++cell->num_hopeful;
         break;
       case SilhouetteCone::Sees::kAll:
         if (phi > clear) return Verdict::kOutside;
@@ -86,11 +92,12 @@ Verdict HullBuilder::Judge(Cell* cell) const {
           ++cell->num_inside;
         } else {
           open.push_back(c);
+          ++cell->num_hopeful;
         }
     }
   }
   cell->cones = std::move(open);
-  if (cell->num_inside + static_cast<int>(cell->cones.size()) < kMinViews) {
+  if (cell->num_inside + cell->num_hopeful < kMinViews) {
     return Verdict::kOutside;
   }
   return cell->cones.empty() ? Verdict::kInside : Verdict::kMixed;
@@ -123,28 +130,30 @@ std::vector<Cell> HullBuilder::CoarseCells() const {
   all.side = kCoarseSide;
   while (all.side < kCoarseSide * cells) all.side *= 2;
   for (int axis = 0; axis < 3; ++axis) {
-    // Aligned to whole blocks so that every split is.
+    // Aligned to whole cells so that every split is.
     all.first[axis] =
-        static_cast<int>(std::floor(
+        static_cast<int>(std::round(
             (middle[axis] / voxel_size_ - 0.5 * all.side) / kCoarseSide)) *
         kCoarseSide;
   }
-  all.side += kCoarseSide;  // what the alignment cut off
-  int side = kCoarseSide;
-  while (side < all.side) side *= 2;
-  all.side = side;
   for (size_t c = 0; c < cones_.size(); ++c) {
     all.cones.push_back(static_cast<int>(c));
   }
 
   std::vector<Cell> level = {all};
   while (true) {
+    std::vector<Verdict> verdict(level.size());
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, level.size(), 64),
+                      [&](const tbb::blocked_range<size_t>& range) {
+                        for (size_t i = range.begin(); i < range.end(); ++i) {
+                          verdict[i] = Judge(&level[i]);
+                        }
+                      });
     std::vector<Cell> next;
-    for (Cell& cell : level) {
-      if (Judge(&cell) == Verdict::kOutside) continue;
-      next.push_back(std::move(cell));
+    for (size_t i = 0; i < level.size(); ++i) {
+      if (verdict[i] != Verdict::kOutside) next.push_back(std::move(level[i]));
     }
-    if (next.size() > kMaxCoarseCells) {
+    if (next.size() > kMaxCells) {
       throw FitError(
           "the common part of the silhouettes is too large for a person: "
           "check the units of the calibration");
@@ -215,13 +224,64 @@ void HullBuilder::AddEvaluated(const Cell& cell,
   if (!empty) blocks->push_back(block);
 }
 
+// Keeps the connected part with most cells that more than half of the views
+// vouch for, as compared with the cell that most do. Where only few cameras
+// look, as just before another camera, silhouettes leave phantoms that may be
+// large; the person is where many look.
+std::vector<Cell> KeepBestSeen(std::vector<Cell> cells) {
+  std::map<std::array<int, 3>, int> position;
+  for (size_t i = 0; i < cells.size(); ++i) {
+    const Eigen::Vector3i& first = cells[i].first;
+    position[{first.x(), first.y(), first.z()}] = static_cast<int>(i);
+  }
+  int most_views = 0;
+  for (const Cell& cell : cells) {
+    most_views = std::max(most_views, cell.num_inside + cell.num_hopeful);
+  }
+  std::vector<int> part(cells.size(), -1);
+  std::int64_t best_count = 0;
+  int best_part = -1;
+  int num_parts = 0;
+  std::vector<int> stack;
+  for (size_t seed = 0; seed < cells.size(); ++seed) {
+    if (part[seed] >= 0) continue;
+    std::int64_t count = 0;
+    part[seed] = num_parts;
+    stack.push_back(static_cast<int>(seed));
+    while (!stack.empty()) {
+      const Cell& cell = cells[stack.back()];
+      stack.pop_back();
+      if (2 * (cell.num_inside + cell.num_hopeful) > most_views) ++count;
+      for (int n = 0; n < 27; ++n) {
+        const Eigen::Vector3i next =
+            cell.first +
+            cell.side * Eigen::Vector3i(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+        const auto found = position.find({next.x(), next.y(), next.z()});
+        if (found == position.end() || part[found->second] >= 0) continue;
+        part[found->second] = num_parts;
+        stack.push_back(found->second);
+      }
+    }
+    if (count > best_count) {
+      best_count = count;
+      best_part = num_parts;
+    }
+    ++num_parts;
+  }
+  std::vector<Cell> kept;
+  for (size_t i = 0; i < cells.size(); ++i) {
+    if (part[i] == best_part) kept.push_back(std::move(cells[i]));
+  }
+  return kept;
+}
+
 BlockGrid BuildBlocks(const std::vector<SilhouetteCone>& cones,
                       double voxel_size) {
   const HullBuilder builder(cones, voxel_size);
-  const std::vector<Cell> cells = builder.CoarseCells();
+  const std::vector<Cell> cells = KeepBestSeen(builder.CoarseCells());
   // Every cell has its own place, so the order does not depend on threads.
   std::vector<std::vector<BlockGrid::Block>> parts(cells.size());
-  tbb::parallel_for(tbb::blocked_range<size_t>(0, cells.size(), 1),
+  tbb::parallel_for(tbb::blocked_range<size_t>(0, cells.size(), 16),
                     [&](const tbb::blocked_range<size_t>& range) {
                       for (size_t i = range.begin(); i < range.end(); ++i) {
                         builder.Refine(cells[i], &parts[i]);

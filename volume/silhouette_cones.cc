@@ -4,6 +4,8 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 #include <string>
 
 #include "model/input_error.h"
@@ -78,7 +80,10 @@ SilhouetteCone::Sees SilhouetteCone::EvaluateBall(
       pixel_from_world_ * center_in_world + world_in_pixel_;
   if (p.z() + radius <= 0) return Sees::kNothing;
   const double nearest = p.z() - radius;
-  if (nearest <= 0) return Sees::kPart;
+  if (nearest <= 0) {
+    *phi = -std::numeric_limits<double>::infinity();
+    return Sees::kPart;
+  }
   const Eigen::Vector2d pixel = p.head<2>() / p.z();
   // A bound of the ball's image: off the axis it is stretched.
   const double slope = (pixel - principal_point_).norm() / focal_length_;
@@ -92,6 +97,9 @@ SilhouetteCone::Sees SilhouetteCone::EvaluateBall(
   }
   if (pixel.x() - margin < -0.5 || pixel.y() - margin < -0.5 ||
       pixel.x() + margin > width || pixel.y() + margin > height) {
+    // Moving to the nearest pixel of the frame brings no visible point farther
+    // away, so the margin still holds there.
+    *phi = (Distance(pixel.x(), pixel.y()) - margin) * nearest / focal_length_;
     return Sees::kPart;
   }
   *phi = Distance(pixel.x(), pixel.y()) * p.z() / focal_length_;

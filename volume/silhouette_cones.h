@@ -20,7 +20,8 @@ class SilhouetteCone {
   bool Evaluate(const Eigen::Vector3d& point_in_world, double* phi) const;
 
   enum class Sees { kNothing, kPart, kAll };
-  // How much of a ball the camera sees; phi of the centre when it sees all.
+  // How much of a ball the camera sees. phi: of the centre when it sees all, a
+  // lower bound over what it sees when it sees a part.
   Sees EvaluateBall(const Eigen::Vector3d& center_in_world,
                     double radius,
                     double* phi) const;
