@@ -6,11 +6,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 #include <sstream>
-#include <system_error>
 
+#include "model/file_io.h"
 #include "model/input_error.h"
 #include "model/mesh.h"
 
@@ -188,13 +186,6 @@ void Append(const Eigen::Vector3d& value, std::vector<float>* out) {
   for (int i = 0; i < 3; ++i) out->push_back(static_cast<float>(value[i]));
 }
 
-// Viewers want unit normals, also where all faces around a vertex are empty.
-Eigen::Vector3d UnitOrUp(const Eigen::Vector3d& normal) {
-  const double norm = normal.norm();
-  if (!(norm > 1e-12)) return Eigen::Vector3d::UnitY();
-  return normal / norm;
-}
-
 tinygltf::Primitive BuildPrimitive(const Body& body,
                                    const SkinWeights& weights,
                                    Buffer* buffer) {
@@ -207,7 +198,7 @@ tinygltf::Primitive BuildPrimitive(const Body& body,
   for (std::size_t i = 0; i < mesh.body_vertex.size(); ++i) {
     const int v = mesh.body_vertex[i];
     Append(rest[v], &positions);
-    Append(UnitOrUp(normals[v]), &normals_out);
+    Append(normals[v], &normals_out);
     uvs.push_back(mesh.uv[i].x());
     uvs.push_back(1.0f - mesh.uv[i].y());  // glTF's v runs down
     AppendInfluences(
@@ -423,22 +414,6 @@ tinygltf::Model BuildModel(const Body& body,
   return model;
 }
 
-// Writes a file under a temporary name and renames it, so that no half file
-// ever bears the name.
-void WriteWhole(const std::string& bytes, const std::string& path) {
-  const std::string temporary = path + ".part";
-  std::ofstream file(temporary, std::ios::binary | std::ios::trunc);
-  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  file.close();
-  std::error_code error;
-  if (file) std::filesystem::rename(temporary, path, error);
-  if (!file || error) {
-    std::error_code ignored;
-    std::filesystem::remove(temporary, ignored);
-    throw InputError(path + ": cannot be written");
-  }
-}
-
 }  // namespace
 
 void SaveGlb(const Body& body,
@@ -456,7 +431,7 @@ void SaveGlb(const Body& body,
           &model, stream, /*prettyPrint=*/false, /*writeBinary=*/true)) {
     throw InputError(path + ": cannot be written");
   }
-  WriteWhole(stream.str(), path);
+  WriteWholeFile(stream.str(), path);
 }
 
 }  // namespace sweepfit
