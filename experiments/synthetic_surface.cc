@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "experiments/synthetic_surface.h"
+
+#include <glog/logging.h>
+#include <openvdb/openvdb.h>
+#include <openvdb/tools/SignedFloodFill.h>
+#include <openvdb/tools/VolumeToMesh.h>
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace sweepfit {
+namespace {
+
+using Eigen::Vector3d;
+
+// The surface of a group of parts blends with the others over this width,
+// fractions of stature.
+constexpr double kGroupBlend = 0.016;
+// Clothes, hair and bumps are looked up only this near the bare body, metres.
+constexpr double kReachOfClothes = 0.06;
+// Within this distance bones share a point's rest position, metres.
+constexpr double kBoneBlend = 0.004;
+
+// Quadratic smooth minimum: equal to the minimum where the two differ by more
+// than the width, at most width/4 below it.
+double SmoothMin(double a, double b, double width) {
+  const double low = std::min(a, b);
+  const double overlap = width - std::abs(a - b);
+  return overlap > 0 ? low - overlap * overlap / (4 * width) : low;
+}
+
+struct Block {
+  openvdb::Coord origin;
+  std::array<float, 512> values;
+};
+
+}  // namespace
+
+DressedBody::DressedBody(const PersonShape& shape,
+                         const PosedPerson& person,
+                         const Outfit& outfit)
+    : person_(person),
+      outfit_(outfit),
+      stature_(shape.stature),
+      rest_joints_(shape.RestJoints()) {
+  all_parts_ = NearParts(Vector3d::Zero(),
+                         std::numeric_limits<double>::infinity());
+}
+
+DressedBody::PartLists DressedBody::NearParts(const Vector3d& center,
+                                              double radius) const {
+  // First-order distances can be off by some tens of percent away from the
+  // surface, and blends reach further than the nearest part.
+  const double reach = 3 * radius + 0.12 * stature_;
+  double nearest = std::numeric_limits<double>::infinity();
+  std::array<std::vector<double>, kNumBodyGroups> distances;
+  for (int group = 0; group < kNumBodyGroups; ++group) {
+    for (const BodyPart& part : person_.parts[group]) {
+      distances[group].push_back(part.Distance(center));
+      nearest = std::min(nearest, distances[group].back());
+    }
+  }
+  PartLists lists;
+  for (int group = 0; group < kNumBodyGroups; ++group) {
+    for (size_t i = 0; i < distances[group].size(); ++i) {
+      if (distances[group][i] <= nearest + reach) {
+        lists[group].push_back(static_cast<int>(i));
+      }
+    }
+  }
+  return lists;
+}
+
+double DressedBody::Distance(const Vector3d& point,
+                             const PartLists& lists) const {
+  double distance = std::numeric_limits<double>::infinity();
+  for (int group = 0; group < kNumBodyGroups; ++group) {
+    double of_group = std::numeric_limits<double>::infinity();
+    for (int i : lists[group]) {
+      const BodyPart& part = person_.parts[group][i];
+      const double d = part.Distance(point);
+      of_group = std::isinf(of_group) || part.blend <= 0
+                     ? std::min(of_group, d)
+                     : SmoothMin(of_group, d, part.blend);
+    }
+    if (std::isinf(of_group)) continue;
+    distance = std::isinf(distance)
+                   ? of_group
+                   : SmoothMin(distance, of_group, kGroupBlend * stature_);
+  }
+  if (std::abs(distance) < kReachOfClothes) {
+    distance -= outfit_.Thickness(RestPoint(point));
+  }
+  // The floor presses the soles flat.
+  return std::max(distance, -point.y());
+}
+
+double DressedBody::Distance(const Vector3d& point) const {
+  return Distance(point, all_parts_);
+}
+
+Vector3d DressedBody::RestPoint(const Vector3d& point) const {
+  std::array<double, kNumJoints> nearest;
+  nearest.fill(std::numeric_limits<double>::infinity());
+  double lowest = std::numeric_limits<double>::infinity();
+  for (const auto& group : person_.parts) {
+    for (const BodyPart& part : group) {
+      const double d = part.Distance(point);
+      nearest[part.bone] = std::min(nearest[part.bone], d);
+      lowest = std::min(lowest, d);
+    }
+  }
+  Vector3d sum = Vector3d::Zero();
+  double total = 0;
+  for (int bone = 0; bone < kNumJoints; ++bone) {
+    const double behind = (nearest[bone] - lowest) / kBoneBlend;
+    if (!(behind < 30)) continue;
+    const double weight = std::exp(-behind);
+    total += weight;
+    sum += weight *
+           (rest_joints_[bone] + person_.world_from_joint[bone].transpose() *
+                                     (point - person_.joint_in_world[bone]));
+  }
+  return sum / total;
+}
+
+TriangleMesh DressedBody::Mesh(double voxel_size) const {
+  openvdb::initialize();
+  constexpr int kBlock = 8;
+  const double block_size = kBlock * voxel_size;
+  const double background = 3 * voxel_size;
+  Eigen::AlignedBox3d box;
+  for (const Vector3d& joint : person_.joint_in_world) box.extend(joint);
+  box.min().array() -= 0.16 * stature_;
+  box.max().array() += 0.16 * stature_;
+  const Eigen::Array3i first =
+      (box.min().array() / block_size).floor().cast<int>();
+  const Eigen::Array3i count =
+      (box.max().array() / block_size).ceil().cast<int>() - first;
+
+  // Blocks that the surface may cross, by one look at their centre.
+  std::vector<std::vector<openvdb::Coord>> per_slab(count.x());
+  tbb::parallel_for(0, count.x(), [&](int i) {
+    for (int j = 0; j < count.y(); ++j) {
+      for (int k = 0; k < count.z(); ++k) {
+        const Eigen::Array3i block = first + Eigen::Array3i(i, j, k);
+        const Vector3d center = (block.cast<double>() + 0.5) * block_size;
+        double nearest = std::numeric_limits<double>::infinity();
+        for (const auto& group : person_.parts) {
+          for (const BodyPart& part : group) {
+            nearest = std::min(nearest, part.Distance(center));
+          }
+        }
+        if (std::abs(nearest) < 1.5 * block_size + 0.06) {
+          per_slab[i].emplace_back(block.x() * kBlock, block.y() * kBlock,
+                                   block.z() * kBlock);
+        }
+      }
+    }
+  });
+  std::vector<Block> blocks;
+  for (const auto& slab : per_slab) {
+    for (const openvdb::Coord& origin : slab) blocks.push_back({origin, {}});
+  }
+  tbb::parallel_for(size_t{0}, blocks.size(), [&](size_t b) {
+    Block& block = blocks[b];
+    const Vector3d origin(block.origin.x(), block.origin.y(),
+                          block.origin.z());
+    const PartLists lists =
+        NearParts((origin.array() + kBlock / 2.0) * voxel_size,
+                  0.87 * block_size);
+    for (int n = 0; n < 512; ++n) {
+      // The order of an OpenVDB leaf: z runs fastest.
+      const Vector3d index = origin + Vector3d(n >> 6, n >> 3 & 7, n & 7);
+      block.values[n] = static_cast<float>(
+          std::clamp(Distance(index * voxel_size, lists), -background,
+                     background));
+    }
+  });
+
+  openvdb::FloatGrid::Ptr grid =
+      openvdb::FloatGrid::create(static_cast<float>(background));
+  grid->setTransform(openvdb::math::Transform::createLinearTransform(voxel_size));
+  for (const Block& block : blocks) {
+    bool near_surface = false;
+    for (float v : block.values) {
+      near_surface = near_surface || std::abs(v) < background;
+    }
+    if (!near_surface) continue;
+    auto* leaf = grid->tree().touchLeaf(block.origin);
+    for (int n = 0; n < 512; ++n) {
+      const float v = block.values[n];
+      leaf->setValueOnly(n, v);
+      leaf->setActiveState(n, std::abs(v) < background);
+    }
+  }
+  openvdb::tools::signedFloodFill(grid->tree());
+  std::vector<openvdb::Vec3s> points;
+  std::vector<openvdb::Vec4I> quads;
+  openvdb::tools::volumeToMesh(*grid, points, quads, 0.0);
+
+  TriangleMesh mesh;
+  double lowest = std::numeric_limits<double>::infinity();
+  for (const openvdb::Vec3s& p : points) {
+    mesh.vertices.emplace_back(p.x(), p.y(), p.z());
+    lowest = std::min<double>(lowest, p.y());
+  }
+  for (Vector3d& v : mesh.vertices) v.y() -= lowest;
+  // OpenVDB runs its quads clockwise.
+  std::vector<Quad> faces;
+  for (const openvdb::Vec4I& q : quads) {
+    faces.push_back({static_cast<int>(q[3]), static_cast<int>(q[2]),
+                     static_cast<int>(q[1]), static_cast<int>(q[0])});
+  }
+  mesh.triangles = TriangulateQuads(faces, mesh.vertices);
+  return LargestComponent(mesh);
+}
+
+}  // namespace sweepfit
