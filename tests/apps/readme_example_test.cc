@@ -3,7 +3,6 @@
 // The library example of README.md, word for word, so that it keeps compiling.
 #include <gtest/gtest.h>
 
-
 // README.md begins here.
 #include <iostream>
 
@@ -11,7 +10,8 @@
 #include "experiments/fit_to_folder.h"
 #include "model/input_error.h"
 
-int FitOne(const std::string& capture_folder, const std::string& result_folder) {
+int FitOne(const std::string& capture_folder,
+           const std::string& result_folder) {
   try {
     const sweepfit::Capture capture = sweepfit::LoadCapture(capture_folder);
     sweepfit::FitConfig config;
