@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "model/template_field.h"
+
+#include <glog/logging.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace sweepfit {
+namespace {
+
+constexpr int kColumns = 96;
+constexpr int kRows = 240;
+
+// Slopes of a monotone cubic through (x, y), after Fritsch and Butland.
+std::vector<double> MonotoneSlopes(const std::vector<double>& x,
+                                   const std::vector<double>& y) {
+  const int n = static_cast<int>(x.size());
+  std::vector<double> slope(n, 0.0);
+  auto secant = [&](int i) { return (y[i + 1] - y[i]) / (x[i + 1] - x[i]); };
+  for (int i = 1; i + 1 < n; ++i) {
+    const double before = secant(i - 1);
+    const double after = secant(i);
+    if (before * after <= 0) continue;
+    const double h0 = x[i] - x[i - 1];
+    const double h1 = x[i + 1] - x[i];
+    const double w0 = 2 * h1 + h0;
+    const double w1 = h1 + 2 * h0;
+    slope[i] = (w0 + w1) / (w0 / before + w1 / after);
+  }
+  if (n > 1) {
+    slope[0] = secant(0);
+    slope[n - 1] = secant(n - 2);
+  }
+  return slope;
+}
+
+class MonotoneCurve {
+ public:
+  MonotoneCurve(std::vector<double> x, std::vector<double> y)
+      : x_(std::move(x)), y_(std::move(y)), slope_(MonotoneSlopes(x_, y_)) {}
+
+  double At(double x) const {
+    if (x <= x_.front()) return y_.front();
+    if (x >= x_.back()) return y_.back();
+    const int i = static_cast<int>(
+        std::upper_bound(x_.begin(), x_.end(), x) - x_.begin() - 1);
+    const double h = x_[i + 1] - x_[i];
+    const double t = (x - x_[i]) / h;
+    const double t2 = t * t;
+    const double t3 = t2 * t;
+    return (2 * t3 - 3 * t2 + 1) * y_[i] + (t3 - 2 * t2 + t) * h * slope_[i] +
+           (3 * t2 - 2 * t3) * y_[i + 1] + (t3 - t2) * h * slope_[i + 1];
+  }
+
+ private:
+  std::vector<double> x_, y_, slope_;
+};
+
+MonotoneCurve Curve(const std::vector<StackSection>& sections,
+                    double StackSection::*field) {
+  std::vector<double> x, y;
+  for (const StackSection& section : sections) {
+    x.push_back(section.s);
+    y.push_back(section.*field);
+  }
+  return MonotoneCurve(std::move(x), std::move(y));
+}
+
+// Narrowing of a section within `length` of an end, `inside` metres from it.
+double EndRounding(double inside, double length) {
+  if (length <= 0 || inside >= length) return 1;
+  const double t = 1 - std::max(0.0, inside) / length;
+  return std::sqrt(std::max(0.0, 1 - t * t));
+}
+
+double RoundConeDistance(const Eigen::Vector3d& query,
+                         const Eigen::Vector3d& a,
+                         const Eigen::Vector3d& b,
+                         double radius_a,
+                         double radius_b) {
+  const Eigen::Vector3d axis = b - a;
+  const double t =
+      std::clamp((query - a).dot(axis) / axis.squaredNorm(), 0.0, 1.0);
+  return (query - a - t * axis).norm() - (radius_a + t * (radius_b - radius_a));
+}
+
+}  // namespace
+
+double SmoothMin(double a, double b, double width) {
+  const double gap = std::abs(a - b);
+  if (gap >= width) return std::min(a, b);
+  const double h = 1 - gap / width;
+  return std::min(a, b) - h * h * width / 4;
+}
+
+SectionStack::SectionStack(const Eigen::Vector3d& origin,
+                           const Eigen::Vector3d& x_axis,
+                           const Eigen::Vector3d& y_axis,
+                           const Eigen::Vector3d& direction,
+                           const std::vector<StackSection>& sections,
+                           double round_start,
+                           double round_end)
+    : origin_(origin),
+      x_axis_(x_axis),
+      y_axis_(y_axis),
+      direction_(direction),
+      num_rows_(kRows) {
+  CHECK_GE(sections.size(), 2u);
+  start_ = sections.front().s;
+  const double end = sections.back().s;
+  step_ = (end - start_) / (kRows - 1);
+  CHECK_GT(step_, 0);
+  const MonotoneCurve half_x = Curve(sections, &StackSection::half_x);
+  const MonotoneCurve half_y = Curve(sections, &StackSection::half_y);
+  const MonotoneCurve exponent = Curve(sections, &StackSection::exponent);
+  const MonotoneCurve center_x = Curve(sections, &StackSection::center_x);
+  const MonotoneCurve center_y = Curve(sections, &StackSection::center_y);
+  radius_.resize(kRows * kColumns);
+  center_.resize(kRows);
+  for (int row = 0; row < kRows; ++row) {
+    const double s = start_ + step_ * row;
+    const double scale = EndRounding(s - start_, round_start) *
+                         EndRounding(end - s, round_end);
+    const double a = half_x.At(s);
+    const double b = half_y.At(s);
+    const double n = exponent.At(s);
+    center_[row] = {center_x.At(s), center_y.At(s)};
+    for (int k = 0; k < kColumns; ++k) {
+      const double theta = 2 * std::numbers::pi * k / kColumns;
+      radius_[row * kColumns + k] =
+          scale * std::pow(std::pow(std::abs(std::cos(theta)) / a, n) +
+                               std::pow(std::abs(std::sin(theta)) / b, n),
+                           -1 / n);
+    }
+  }
+}
+
+double SectionStack::RadiusAt(double row, double column) const {
+  const int i = std::clamp(static_cast<int>(row), 0, num_rows_ - 2);
+  const double f = row - i;
+  const int k0 = static_cast<int>(column) % kColumns;
+  const int k1 = (k0 + 1) % kColumns;
+  const double g = column - std::floor(column);
+  const double* r0 = &radius_[i * kColumns];
+  const double* r1 = r0 + kColumns;
+  return (1 - f) * ((1 - g) * r0[k0] + g * r0[k1]) +
+         f * ((1 - g) * r1[k0] + g * r1[k1]);
+}
+
+Eigen::Vector3d SectionStack::Center(double s) const {
+  const double row =
+      std::clamp((s - start_) / step_, 0.0, static_cast<double>(num_rows_ - 1));
+  const int i = std::min(static_cast<int>(row), num_rows_ - 2);
+  const Eigen::Vector2d c =
+      (1 - (row - i)) * center_[i] + (row - i) * center_[i + 1];
+  return origin_ + s * direction_ + c.x() * x_axis_ + c.y() * y_axis_;
+}
+
+double SectionStack::Distance(const Eigen::Vector3d& point) const {
+  const Eigen::Vector3d q = point - origin_;
+  const double s = q.dot(direction_);
+  const double last = num_rows_ - 1;
+  const double row = std::clamp((s - start_) / step_, 0.0, last);
+  const double beyond = std::max({0.0, start_ - s, s - end()});
+  const int i = std::min(static_cast<int>(row), num_rows_ - 2);
+  const Eigen::Vector2d c =
+      (1 - (row - i)) * center_[i] + (row - i) * center_[i + 1];
+  const double x = q.dot(x_axis_) - c.x();
+  const double y = q.dot(y_axis_) - c.y();
+  const double rho = std::hypot(x, y);
+  double column =
+      std::atan2(y, x) * (kColumns / (2 * std::numbers::pi)) + kColumns;
+  if (column >= kColumns) column -= kColumns;
+  const double radius = RadiusAt(row, column);
+  if (beyond > 0) return std::hypot(std::max(0.0, rho - radius), beyond);
+  // Gradient length from the slopes along the axis and around the section.
+  const double low = std::max(row - 1, 0.0);
+  const double high = std::min(row + 1, last);
+  const double along = (RadiusAt(high, column) - RadiusAt(low, column)) /
+                       ((high - low) * step_);
+  const double around =
+      (RadiusAt(row, column + 1) -
+       RadiusAt(row, column > 1 ? column - 1 : column + kColumns - 1)) /
+      (2 * 2 * std::numbers::pi / kColumns);
+  const double slope = radius > 1e-9 ? around / std::max(radius, rho) : 0;
+  return (rho - radius) / std::sqrt(1 + along * along + slope * slope);
+}
+
+double Blob::Distance(const Eigen::Vector3d& point) const {
+  const Eigen::Vector3d q = world_from_blob.transpose() * (point - center);
+  const double k0 = q.cwiseQuotient(radii).norm();
+  const double k1 = q.cwiseQuotient(radii.cwiseProduct(radii)).norm();
+  if (k1 < 1e-12) return -radii.minCoeff();
+  return k0 * (k0 - 1) / k1;
+}
+
+double Blob::Apply(double solid, const Eigen::Vector3d& point) const {
+  // Far from the blob nothing changes.
+  const double reach = radii.maxCoeff() + blend_width;
+  if (!carve && (point - center).squaredNorm() > 4 * reach * reach) {
+    const double bound = (point - center).norm() - radii.maxCoeff();
+    if (bound > solid + blend_width) return solid;
+  }
+  const double blob = Distance(point);
+  return carve ? -SmoothMin(-solid, blob, blend_width)
+               : SmoothMin(solid, blob, blend_width);
+}
+
+double Tube::Distance(const Eigen::Vector3d& query) const {
+  double best = std::numeric_limits<double>::infinity();
+  for (size_t i = 0; i + 1 < point.size(); ++i) {
+    best = std::min(best, RoundConeDistance(query, point[i], point[i + 1],
+                                            radius[i], radius[i + 1]));
+  }
+  return best;
+}
+
+}  // namespace sweepfit

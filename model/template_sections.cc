@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "model/template_sections.h"
+
+#include <glog/logging.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <numbers>
+
+#include "model/body.h"
+#include "model/cross_section.h"
+
+namespace sweepfit {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+// Where a sweep's sections come from.
+struct SectionSource {
+  // Distance to the part, with the floor at y = 0.
+  std::function<double(const Vector3d&)> distance;
+  // A point inside the part near parameter u.
+  std::function<Vector3d(double u)> inside;
+};
+
+struct Row {
+  double u;
+  double feature_weight;
+};
+
+// The corners of the axis depend on the mean radii at the joints, the sections
+// on the axis: a few rounds agree to a fraction of a millimetre.
+constexpr int kRounds = 3;
+
+Sweep MakeSweep(const std::string& name,
+                const std::vector<int>& chain,
+                const Vector3d& reference,
+                int columns,
+                const std::vector<Row>& rows) {
+  Sweep sweep;
+  sweep.name = name;
+  sweep.chain = chain;
+  sweep.rest_reference = reference;
+  const int count = static_cast<int>(rows.size());
+  sweep.center_offset = Eigen::Matrix2Xd::Zero(2, count);
+  sweep.radius = Eigen::MatrixXd::Constant(count, columns, 0.03);
+  sweep.log_ratio = Eigen::MatrixXd::Zero(count, columns);
+  sweep.feature_weight.resize(count);
+  for (int i = 0; i < count; ++i) {
+    sweep.key_u.push_back(rows[i].u);
+    sweep.feature_weight[i] = rows[i].feature_weight;
+  }
+  return sweep;
+}
+
+// The palm ends here; further on the hand's sections go around the fingers.
+constexpr double kKnuckles = 2.45;
+
+// The part's section around `center` in a frame of e1, e2, tangent.
+CrossSection CastSection(const SectionSource& source,
+                         const Vector3d& center,
+                         const Eigen::Matrix3d& frame,
+                         int columns,
+                         double step) {
+  std::vector<double> radii(columns);
+  for (int k = 0; k < columns; ++k) {
+    const double theta = 2 * std::numbers::pi * k / columns;
+    radii[k] = ExitDistance(
+        source.distance, center,
+        std::cos(theta) * frame.col(0) + std::sin(theta) * frame.col(1), step);
+  }
+  return CrossSection(radii);
+}
+
+constexpr double kWhole = std::numeric_limits<double>::infinity();
+
+// Rows at `end_u` and beyond are left alone.
+void FillSections(const SectionSource& source,
+                  const Skeleton& skeleton,
+                  const Vector3d& root_in_solid,
+                  double step,
+                  double end_u,
+                  Sweep* sweep) {
+  const JointFrames frames = RestFrames(skeleton);
+  for (int round = 0; round < kRounds; ++round) {
+    Sweep bare = *sweep;
+    bare.center_offset.setZero();
+    const SweepAxis axis(bare, skeleton, frames);
+    for (int i = 0; i < sweep->num_rows(); ++i) {
+      const double u = sweep->key_u[i];
+      if (u >= end_u) break;
+      const SectionFrame section = axis.At(u);
+      const Eigen::Matrix3d& frame = section.world_from_section;
+      const Vector3d on_axis = section.center_in_world + root_in_solid;
+      Vector2d offset = frame.leftCols<2>().transpose() *
+                        (source.inside(u) - on_axis);
+      CrossSection cast;
+      // Twice towards the centroid, so that the star centre is well inside.
+      for (int k = 0; k < 3; ++k) {
+        cast = CastSection(source, on_axis + frame.leftCols<2>() * offset,
+                           frame, sweep->num_columns(), step);
+        CHECK_GT(cast.Area(), 0)
+            << sweep->name << ": no section of the part at u = " << u;
+        if (k < 2) offset += cast.Centroid();
+      }
+      sweep->center_offset.col(i) = offset;
+      sweep->radius.row(i) = Eigen::Map<const Eigen::RowVectorXd>(
+          cast.radii().data(), sweep->num_columns());
+    }
+  }
+}
+
+// Sections of the hand from the knuckles on: the ellipse around the four
+// fingers, which are not one star-shaped solid.
+void FillFingerRows(const TemplateSolid& solid, Sweep* sweep) {
+  constexpr double kExponent = 2.5;
+  const Vector3d& wrist = solid.joints()[kLWrist];
+  for (int i = 0; i < sweep->num_rows(); ++i) {
+    const double u = sweep->key_u[i];
+    if (u < kKnuckles) continue;
+    const double along = (solid.ArmAxis(u) - wrist).dot(solid.arm_along());
+    double low = 1e9, high = -1e9, low_palm = 1e9, high_palm = -1e9;
+    for (int f = 0; f < 4; ++f) {
+      const Tube& tube = solid.finger(f);
+      const Vector3d direction = (tube.point[1] - tube.point[0]).normalized();
+      const double s = (along - (tube.point[0] - wrist).dot(solid.arm_along())) /
+                       direction.dot(solid.arm_along());
+      const double length = (tube.point[1] - tube.point[0]).norm();
+      if (s > length + 0.5 * tube.radius[1]) continue;
+      const Vector3d point = tube.point[0] + s * direction - wrist;
+      const double radius =
+          tube.radius[0] + std::clamp(s / length, 0.0, 1.0) *
+                               (tube.radius[1] - tube.radius[0]);
+      const double thumb = point.dot(solid.arm_thumb());
+      const double palm = point.dot(solid.arm_palm());
+      low = std::min(low, thumb - radius);
+      high = std::max(high, thumb + radius);
+      low_palm = std::min(low_palm, palm - radius);
+      high_palm = std::max(high_palm, palm + radius);
+    }
+    CHECK_LT(low, high) << "no finger at u = " << u;
+    sweep->center_offset.col(i) =
+        Vector2d((low + high) / 2, (low_palm + high_palm) / 2);
+    const CrossSection section = CrossSection::Superellipse(
+        (high - low) / 2, (high_palm - low_palm) / 2, kExponent,
+        sweep->num_columns());
+    sweep->radius.row(i) = Eigen::Map<const Eigen::RowVectorXd>(
+        section.radii().data(), sweep->num_columns());
+  }
+}
+
+Sweep MirrorSweep(const Sweep& left, const std::string& name) {
+  Sweep right = left;
+  right.name = name;
+  for (int& joint : right.chain) joint = MirrorJoint(joint);
+  right.rest_reference.x() = -right.rest_reference.x();
+  right.center_offset.row(1) = -right.center_offset.row(1);
+  const int columns = left.num_columns();
+  for (int k = 0; k < columns; ++k) {
+    const int from = (columns - k) % columns;
+    right.radius.col(k) = left.radius.col(from);
+    right.log_ratio.col(k) = left.log_ratio.col(from);
+  }
+  return right;
+}
+
+}  // namespace
+
+std::vector<Sweep> TemplateSweeps(const TemplateSolid& solid,
+                                  const Skeleton& skeleton) {
+  const Vector3d root = solid.joints()[kRoot];
+  const double step = 5e-4 * solid.stature();
+  const Vector3d front = Vector3d::UnitZ();
+
+  std::vector<Sweep> sweeps(kNumTemplateSweeps);
+
+  Sweep trunk = MakeSweep(
+      "trunk", {kRoot, kSpine, kNeck, kHead, kHeadEnd}, front, 24,
+      {{-0.24, 0.5}, {-0.10, 0.5}, {0.05, 0.8}, {0.25, 0.8}, {0.50, 0.8},
+       {0.75, 0.8},  {1.00, 0.8},  {1.20, 0.8}, {1.35, 0.8}, {1.50, 0.5},
+       {1.64, 0.5},  {1.76, 0.5},  {1.86, 0.3}, {1.94, 0.3}, {2.10, 0.3},
+       {2.50, 0.3},  {2.90, 0.15}, {3.15, 0.15}, {3.40, 0.15}, {3.60, 0.15},
+       {3.78, 0.15}, {3.90, 0.15}, {3.96, 0.15}});
+  FillSections({[&](const Vector3d& p) { return solid.Trunk(p); },
+                [&](double u) -> Vector3d {
+                  static constexpr int kChain[] = {kRoot, kSpine, kNeck, kHead,
+                                                   kHeadEnd};
+                  const int k = std::clamp(static_cast<int>(u), 0, 3);
+                  const Vector3d& a = solid.joints()[kChain[k]];
+                  const Vector3d& b = solid.joints()[kChain[k + 1]];
+                  return a + (u - k) * (b - a);
+                }},
+               skeleton, root, step, kWhole, &trunk);
+
+  Sweep arm = MakeSweep(
+      "l_arm", {kLShoulder, kLElbow, kLWrist, kLHandEnd}, front, 16,
+      {{0.00, 0.5}, {0.12, 0.5}, {0.25, 0.5}, {0.40, 1}, {0.55, 1},
+       {0.70, 1},   {0.85, 1},   {1.00, 1},   {1.12, 1}, {1.25, 1},
+       {1.40, 1},   {1.55, 1},   {1.70, 1},   {1.85, 1}, {2.00, 0.15},
+       {2.15, 0.15}, {2.30, 0.15}, {2.45, 0.15}, {2.60, 0.15}, {2.75, 0.15},
+       {2.88, 0.15}, {2.96, 0.15}});
+  arm.rigid_end = true;
+  FillSections({[&](const Vector3d& p) { return solid.Arm(p); },
+                [&](double u) { return solid.ArmCenter(std::min(u, 2.4)); }},
+               skeleton, root, step, kKnuckles, &arm);
+  FillFingerRows(solid, &arm);
+
+  Sweep leg = MakeSweep(
+      "l_leg", {kLHip, kLKnee, kLAnkle}, front, 16,
+      {{0.00, 0.5}, {0.10, 0.5}, {0.20, 0.5}, {0.32, 1}, {0.46, 1},
+       {0.60, 1},   {0.75, 1},   {0.88, 1},   {1.00, 1}, {1.10, 1},
+       {1.20, 1},   {1.32, 1},   {1.46, 1},   {1.60, 1}, {1.75, 1},
+       {1.88, 0.3}, {2.00, 0.3}});
+  FillSections({[&](const Vector3d& p) { return solid.Leg(p); },
+                [&](double u) { return solid.LegCenter(u); }},
+               skeleton, root, step, kWhole, &leg);
+
+  Sweep foot = MakeSweep(
+      "l_foot", {kLAnkle, kLFootEnd}, Vector3d::UnitY(), 16,
+      {{-0.28, 0.15}, {-0.18, 0.15}, {-0.08, 0.15}, {0.04, 0.15}, {0.18, 0.15},
+       {0.34, 0.15},  {0.50, 0.15},  {0.66, 0.15},  {0.80, 0.15}, {0.90, 0.15},
+       {0.96, 0.15}});
+  foot.rigid_end = true;
+  const Vector3d ankle_to_toe =
+      solid.joints()[kLFootEnd] - solid.joints()[kLAnkle];
+  FillSections({[&](const Vector3d& p) { return solid.Foot(p); },
+                [&](double u) {
+                  return solid.FootCenter(
+                      u * ankle_to_toe.dot(solid.foot_forward()));
+                }},
+               skeleton, root, step, kWhole, &foot);
+
+  sweeps[kTrunkSweep] = trunk;
+  sweeps[kLArmSweep] = arm;
+  sweeps[kRArmSweep] = MirrorSweep(arm, "r_arm");
+  sweeps[kLLegSweep] = leg;
+  sweeps[kRLegSweep] = MirrorSweep(leg, "r_leg");
+  sweeps[kLFootSweep] = foot;
+  sweeps[kRFootSweep] = MirrorSweep(foot, "r_foot");
+  return sweeps;
+}
+
+}  // namespace sweepfit

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <functional>
+#include <vector>
+
+#include "model/skeleton.h"
+#include "model/template_field.h"
+#include "model/template_tables.h"
+
+namespace sweepfit {
+
+// The generic body as a solid: smooth unions of section stacks, ellipsoids and
+// tubes, in metres, standing on y = 0, facing +Z, symmetric in x. Signed
+// distances are negative inside and approximate away from the surface.
+class TemplateSolid {
+ public:
+  // `joints`: rest positions with the floor at y = 0. `girth_factor` multiplies
+  // the target girths, in the order of tables.girths.
+  TemplateSolid(const TemplateTables& tables,
+                double stature,
+                const std::array<Eigen::Vector3d, kNumJoints>& joints,
+                const std::vector<double>& girth_factor);
+
+  // Parts of the left side (the trunk is whole).
+  double Trunk(const Eigen::Vector3d& point) const;  // with neck and head
+  double Arm(const Eigen::Vector3d& point) const;    // palm, without fingers
+  double Hand(const Eigen::Vector3d& point) const;   // fingers
+  double Finger(int finger, const Eigen::Vector3d& point) const;
+  double Leg(const Eigen::Vector3d& point) const;
+  double Foot(const Eigen::Vector3d& point) const;
+  double LegAndFoot(const Eigen::Vector3d& point) const;
+  // Trunk and the left limbs.
+  double LeftSide(const Eigen::Vector3d& point) const;
+  double Body(const Eigen::Vector3d& point) const;
+
+  const TemplateTables& tables() const { return tables_; }
+  double stature() const { return stature_; }
+  const std::array<Eigen::Vector3d, kNumJoints>& joints() const {
+    return joints_;
+  }
+
+  // Point on the axis of the left arm (leg) at `bones` from the shoulder
+  // (hip), without and with the centre offset of the table.
+  Eigen::Vector3d ArmAxis(double bones) const;
+  Eigen::Vector3d LegAxis(double bones) const;
+  Eigen::Vector3d ArmCenter(double bones) const;
+  Eigen::Vector3d LegCenter(double bones) const;
+  Eigen::Vector3d TrunkCenter(double height) const;
+  // Unit axes of the left arm: along, towards the thumb, towards the palm.
+  const Eigen::Vector3d& arm_along() const { return arm_along_; }
+  const Eigen::Vector3d& arm_thumb() const { return arm_thumb_; }
+  const Eigen::Vector3d& arm_palm() const { return arm_palm_; }
+  const Eigen::Vector3d& foot_forward() const { return foot_forward_; }
+  const Eigen::Vector3d& foot_lateral() const { return foot_lateral_; }
+  Eigen::Vector3d FootCenter(double forward) const {
+    return foot_.Center(forward);
+  }
+  const Tube& finger(int index) const { return finger_[index]; }
+
+  // Tape girth at a target's level, metres.
+  double MeasureGirth(const GirthTarget& target) const;
+
+ private:
+  void Build(const std::vector<double>& girth_scale);
+  std::vector<StackSection> Scaled(const SectionTable& table,
+                                   const std::string& part) const;
+
+  TemplateTables tables_;
+  double stature_;
+  std::array<Eigen::Vector3d, kNumJoints> joints_;
+  std::vector<double> girth_scale_;  // found so that the girths are met
+  Eigen::Vector3d arm_along_, arm_thumb_, arm_palm_;
+  Eigen::Vector3d foot_forward_, foot_lateral_;
+  SectionStack trunk_, neck_, head_, arm_, leg_, foot_;
+  std::vector<Blob> trunk_blobs_, head_blobs_, leg_blobs_;
+  std::array<Tube, 5> finger_;
+};
+
+// Distance along the unit direction from `origin`, which is inside the solid,
+// to where `distance` first becomes positive.
+double ExitDistance(
+    const std::function<double(const Eigen::Vector3d&)>& distance,
+    const Eigen::Vector3d& origin,
+    const Eigen::Vector3d& direction,
+    double step);
+
+}  // namespace sweepfit
