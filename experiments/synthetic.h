@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,9 +19,11 @@ struct SyntheticOptions {
   int height = 800;
   std::vector<std::string> poses = {"A"};  // A, T, N
   double yaw_degrees = 10;    // turn of the person about the vertical
-  double shift_x = 0, shift_z = 0;  // metres
+  // Where the person stands, metres; the cameras and the room go along.
+  double shift_x = 0, shift_z = 0;
   double noise = 2;           // grey levels of sensor noise
-  bool background = true;     // textured room with plates; false: given masks
+  // true: a background plate per camera; false: given masks instead.
+  bool background = true;
   std::optional<std::string> Check() const;
 };
 
@@ -28,7 +31,8 @@ struct SyntheticOptions {
 // surface, masks) of a person that the template does not know: a smooth union
 // of tapered limbs with seeded proportions and bumps, meshed from a level set
 // and drawn by a z-buffer of its own, so that nothing the fit uses also made
-// the data.
+// the data. InputError when an option is out of range or a file cannot be
+// written. The same options give the same bytes with any number of threads.
 Capture WriteSyntheticCapture(const std::filesystem::path& folder,
                               const SyntheticOptions& options,
                               Progress* progress);
