@@ -64,59 +64,79 @@ cv::Mat3b ApplyGain(const cv::Mat3b& plate, const cv::Vec3d& gain) {
   return result;
 }
 
-// Local correlation of picture and plate lightness over 5 x 5 pixels; 1 where
-// the plate has no texture to speak of, so that nothing can be said.
-cv::Mat1f TextureAgreement(const cv::Mat1f& a, const cv::Mat1f& b) {
-  constexpr int kWindow = 5;
-  constexpr float kMinDeviation = 2.0f;  // of the plate's L
-  const auto mean = [](const cv::Mat1f& image) {
-    cv::Mat1f result;
-    cv::boxFilter(image, result, CV_32F, {kWindow, kWindow});
-    return result;
-  };
-  const cv::Mat1f mean_a = mean(a);
-  const cv::Mat1f mean_b = mean(b);
-  const cv::Mat1f mean_aa = mean(a.mul(a));
-  const cv::Mat1f mean_bb = mean(b.mul(b));
-  const cv::Mat1f mean_ab = mean(a.mul(b));
-  cv::Mat1f agreement(a.size());
-  for (int y = 0; y < a.rows; ++y) {
-    for (int x = 0; x < a.cols; ++x) {
-      const float ma = mean_a(y, x), mb = mean_b(y, x);
-      const float var_a = mean_aa(y, x) - ma * ma;
-      const float var_b = mean_bb(y, x) - mb * mb;
-      const float cov = mean_ab(y, x) - ma * mb;
-      agreement(y, x) = var_b < kMinDeviation * kMinDeviation
-                            ? 1.f
-                            : cov / std::sqrt(std::max(var_a, 0.01f) * var_b);
+// The pixels that shadow or highlight can explain and that are joined to plain
+// background without crossing an edge: light changes softly across the plate,
+// whereas a garment that is a darker shade of the wall has an outline. (The
+// plate's own edges cancel in the ratio of picture and plate.)
+cv::Mat1b SoftlyLit(const cv::Mat1b& candidate,
+                    const cv::Mat1b& plain,
+                    const cv::Mat1f& log_light) {
+  constexpr float kSteepest = 0.12f;        // change of ln light per px
+  constexpr double kSmallestShare = 0.002;  // of the picture, plain pixels
+  cv::Mat1f dx, dy, slope;
+  cv::Sobel(log_light, dx, CV_32F, 1, 0, 3, 0.125, 0, cv::BORDER_REPLICATE);
+  cv::Sobel(log_light, dy, CV_32F, 0, 1, 3, 0.125, 0, cv::BORDER_REPLICATE);
+  cv::magnitude(dx, dy, slope);
+  // Wide enough to close gaps of an outline.
+  const cv::Mat square = cv::getStructuringElement(cv::MORPH_RECT, {7, 7});
+  cv::dilate(slope, slope, square);
+  const cv::Mat1b smooth = slope < kSteepest;
+  const cv::Mat1b passable = plain | (candidate & smooth);
+  cv::Mat1i label;
+  const int count = cv::connectedComponents(passable, label, 4, CV_32S);
+  std::vector<int> plain_area(count, 0);
+  for (int y = 0; y < label.rows; ++y) {
+    for (int x = 0; x < label.cols; ++x) {
+      if (plain(y, x)) ++plain_area[label(y, x)];
     }
   }
-  return agreement;
+  const double smallest = kSmallestShare * static_cast<double>(label.total());
+  cv::Mat1b reached(label.size());
+  for (int y = 0; y < label.rows; ++y) {
+    for (int x = 0; x < label.cols; ++x) {
+      const int i = label(y, x);
+      reached(y, x) = i > 0 && plain_area[i] > smallest ? 255 : 0;
+    }
+  }
+  cv::dilate(reached, reached, square);
+  return reached & candidate;
 }
 
-struct Lightness {
-  cv::Mat1f picture;
-  cv::Mat1f plate;
+// Lightness of picture and plate, and what is left of the colour difference
+// once the plate is shown in the picture's light.
+bool IsShadowOrHighlight(float lightness, float plate, float chroma) {
+  const float ratio = lightness / std::max(plate, 1.f);
+  if (ratio > 1) return ratio <= 1.15f && chroma <= 4;
+  return ratio >= 0.3f && chroma <= 3.0f + 0.06f * std::abs(lightness - plate);
+}
+
+// Noise of the difference of picture and plate, Lab units.
+struct Noise {
+  float sigma_l;
+  float sigma_ab;
+  double ratio;  // the larger of the two as measured, over the option's floor
 };
 
-Lightness ExtractLightness(const cv::Mat3f& picture, const cv::Mat3f& plate) {
-  Lightness result;
-  cv::extractChannel(picture, result.picture, 0);
-  cv::extractChannel(plate, result.plate, 0);
-  return result;
-}
-
-// Median of |D| over the background half of the picture against what noise of
-// the assumed size gives.
-double NoiseRatio(const cv::Mat1f& squared) {
-  constexpr int kStep = 4;
-  std::vector<float> values;
-  for (int y = 0; y < squared.rows; y += kStep) {
-    for (int x = 0; x < squared.cols; x += kStep) {
-      values.push_back(squared(y, x));
+// 1.4826 median |difference|: the person covers less than half of a picture.
+Noise MeasureNoise(const cv::Mat3f& lab,
+                   const cv::Mat3f& plate_lab,
+                   const SegmentOptions& options) {
+  constexpr int kStep = 3;
+  constexpr double kSigmaPerMedian = 1.4826;
+  std::vector<float> l, ab;
+  for (int y = 0; y < lab.rows; y += kStep) {
+    for (int x = 0; x < lab.cols; x += kStep) {
+      const cv::Vec3f d = lab(y, x) - plate_lab(y, x);
+      l.push_back(std::abs(d[0]));
+      ab.push_back(std::abs(d[1]));
+      ab.push_back(std::abs(d[2]));
     }
   }
-  return std::sqrt(Median(&values));
+  const double sigma_l = kSigmaPerMedian * Median(&l);
+  const double sigma_ab = kSigmaPerMedian * Median(&ab);
+  return {static_cast<float>(std::max(sigma_l, options.sigma_l)),
+          static_cast<float>(std::max(sigma_ab, options.sigma_ab)),
+          std::max(sigma_l / options.sigma_l, sigma_ab / options.sigma_ab)};
 }
 
 }  // namespace
@@ -177,41 +197,37 @@ BackgroundDifference PlateDifference(const cv::Mat3b& picture,
                    cv::BORDER_REPLICATE);
   const cv::Mat3f lab = ToLab(smooth);
   const cv::Mat3f plate_lab = ToLab(result.background_linear);
-  const Lightness lightness = ExtractLightness(lab, plate_lab);
-  const cv::Mat1f texture =
-      TextureAgreement(lightness.picture, lightness.plate);
 
-  const float per_l = static_cast<float>(options.lightness_weight /
-                                         (options.sigma_l * options.sigma_l));
-  const float per_ab =
-      static_cast<float>(1 / (options.sigma_ab * options.sigma_ab));
-  result.squared.create(picture.size());
+  const Noise noise = MeasureNoise(lab, plate_lab, options);
+  const float per_l = static_cast<float>(options.lightness_weight) /
+                      (noise.sigma_l * noise.sigma_l);
+  const float per_ab = 1 / (noise.sigma_ab * noise.sigma_ab);
   result.squared_unexplained.create(picture.size());
+  cv::Mat1f explained(picture.size()), log_light(picture.size());
+  cv::Mat1b candidate(picture.size());
   for (int y = 0; y < picture.rows; ++y) {
     for (int x = 0; x < picture.cols; ++x) {
       const cv::Vec3f& p = lab(y, x);
       const cv::Vec3f& q = plate_lab(y, x);
       const cv::Vec3f d = p - q;
-      const float full =
+      result.squared_unexplained(y, x) =
           per_l * d[0] * d[0] + per_ab * (d[1] * d[1] + d[2] * d[2]);
-      result.squared_unexplained(y, x) = full;
-      result.squared(y, x) = full;
-      // (L + 16) scales with the cube root of the light, and so do a and b.
+      // L + 16 scales with the cube root of the light, and so do a and b.
       const float k = (p[0] + 16) / (q[0] + 16);
-      const float ratio = p[0] / std::max(q[0], 1.f);
       const float da = p[1] - k * q[1];
       const float db = p[2] - k * q[2];
-      const float chroma = std::sqrt(da * da + db * db);
-      const bool is_shadow = ratio >= 0.45f && ratio <= 1 &&
-                             chroma <= 3.0f + 0.06f * std::abs(d[0]) &&
-                             texture(y, x) > 0.7f;
-      const bool is_highlight = ratio > 1 && ratio <= 1.15f && chroma <= 4;
-      if (is_shadow || is_highlight) {
-        result.squared(y, x) = std::min(full, per_ab * chroma * chroma);
-      }
+      const float chroma_squared = da * da + db * db;
+      explained(y, x) = per_ab * chroma_squared;
+      log_light(y, x) = 3 * std::log(k);
+      candidate(y, x) =
+          IsShadowOrHighlight(p[0], q[0], std::sqrt(chroma_squared)) ? 255 : 0;
     }
   }
-  result.noise_ratio = NoiseRatio(result.squared_unexplained);
+  const cv::Mat1b plain = result.squared_unexplained < options.threshold_low;
+  const cv::Mat1b lit = SoftlyLit(candidate, plain, log_light);
+  result.squared = result.squared_unexplained.clone();
+  cv::Mat1f(cv::min(result.squared, explained)).copyTo(result.squared, lit);
+  result.noise_ratio = noise.ratio;
   return result;
 }
 

@@ -33,7 +33,7 @@ cv::Vec3d ExposureGain(const cv::Mat3b& picture, const cv::Mat3b& plate);
 //   D^2 = w (dL / sigma_L)^2 + (da / sigma_ab)^2 + (db / sigma_ab)^2
 // after the exposure is matched. A shadow scales the linear colour by s, so L +
 // 16, a and b by s^(1/3): what differs from the plate by such a factor alone
-// (and still shows the plate's texture) is background.
+// without an outline is background.
 BackgroundDifference PlateDifference(const cv::Mat3b& picture,
                                      const cv::Mat3b& plate,
                                      const SegmentOptions& options);

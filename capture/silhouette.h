@@ -16,12 +16,13 @@ struct SegmentOptions {
   // auto: given masks where there are any, else plate, else chroma.
   // plate | chroma | both | masks force one.
   std::string mode = "auto";
-  // Noise floor of a plate in CIELAB units; a single plate cannot tell.
-  double sigma_l = 2.5;
-  double sigma_ab = 1.5;
-  // Share of the squared lightness difference that counts: shadows darken
-  // without changing colour.
-  double lightness_weight = 0.25;
+  // Floor of the noise of picture and plate in CIELAB units; it is measured for
+  // every camera, but what a single plate shows may be less than there is.
+  double sigma_l = 1.0;
+  double sigma_ab = 0.8;
+  // Share of the squared lightness difference that counts. Shadows are told by
+  // their soft edges; a share below 1 forgives them more and dark clothes less.
+  double lightness_weight = 1;
   // Hysteresis on the squared Mahalanobis distance.
   double threshold_high = 25;
   double threshold_low = 9;
