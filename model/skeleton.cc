@@ -36,10 +36,12 @@ JointFrames ForwardKinematics(const Skeleton& skeleton, const Pose& pose) {
     }
     const Eigen::Matrix3d& world_from_parent = frames.world_from_joint[parent];
     frames.world_from_joint[joint] = world_from_parent * parent_from_joint;
+    Eigen::Vector3d bone_in_parent =
+        skeleton.length[joint] * skeleton.rest_direction[joint];
+    if (joint == kLShoulder) bone_in_parent = pose.collar[0] * bone_in_parent;
+    if (joint == kRShoulder) bone_in_parent = pose.collar[1] * bone_in_parent;
     frames.joint_in_world[joint] =
-        frames.joint_in_world[parent] +
-        world_from_parent *
-            (skeleton.length[joint] * skeleton.rest_direction[joint]);
+        frames.joint_in_world[parent] + world_from_parent * bone_in_parent;
   }
   return frames;
 }

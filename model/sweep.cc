@@ -215,9 +215,17 @@ SweepAxis::SweepAxis(const Sweep& sweep,
     const int next = sweep.chain[k + 1];
     CHECK_EQ(kJointParents[next], joint) << sweep.name;
     CHECK_GT(skeleton.length[next], 0) << sweep.name;
-    target_frames[k] = frames.world_from_joint[joint] * target_frames[k];
     bones_[k].start_in_world = frames.joint_in_world[joint];
-    bones_[k].along_in_world = skeleton.length[next] * target_frames[k].col(2);
+    bones_[k].along_in_world =
+        frames.joint_in_world[next] - frames.joint_in_world[joint];
+    // A bone turns with the joint it starts at; a collar bone has a turn of
+    // its own besides.
+    const Eigen::Matrix3d carried =
+        frames.world_from_joint[joint] * target_frames[k];
+    target_frames[k] =
+        TurnOnto(carried.col(2), bones_[k].along_in_world.normalized())
+            .Matrix() *
+        carried;
   }
   bones_.front().world_from_start =
       StartFrame(rest_frame, target_frames.front().col(2), frames);

@@ -72,6 +72,26 @@ TEST(SkeletonTest, ForwardKinematicsByHand) {
   EXPECT_LT((frames.joint_in_world[kLWrist] - wrist).norm(), 1e-14);
 }
 
+TEST(SkeletonTest, CollarMovesTheArmWithoutTurningIt) {
+  const Skeleton skeleton = ToySkeleton();
+  Pose pose;
+  pose.collar[1] =
+      Eigen::Quaterniond(Eigen::AngleAxisd(-0.5, Eigen::Vector3d::UnitZ()));
+  const JointFrames rest = ForwardKinematics(skeleton, Pose());
+  const JointFrames frames = ForwardKinematics(skeleton, pose);
+  const Eigen::Vector3d moved =
+      frames.joint_in_world[kRShoulder] - rest.joint_in_world[kRShoulder];
+  EXPECT_GT(moved.y(), 0.05);
+  for (const int joint : {kRElbow, kRWrist, kRHandEnd}) {
+    EXPECT_LT(
+        (frames.joint_in_world[joint] - rest.joint_in_world[joint] - moved)
+            .norm(),
+        1e-14);
+    EXPECT_TRUE(frames.world_from_joint[joint].isIdentity());
+  }
+  EXPECT_EQ(frames.joint_in_world[kLShoulder], rest.joint_in_world[kLShoulder]);
+}
+
 // Position of a joint by walking up from it, with quaternions.
 Eigen::Vector3d JointFromBelow(const Skeleton& skeleton,
                                const Pose& pose,
@@ -79,9 +99,12 @@ Eigen::Vector3d JointFromBelow(const Skeleton& skeleton,
   Eigen::Vector3d point = Eigen::Vector3d::Zero();
   for (int j = joint; j >= 0; j = kJointParents[j]) {
     point = pose.rotation[j] * point;
-    if (kJointParents[j] >= 0) {
-      point += skeleton.length[j] * skeleton.rest_direction[j];
-    }
+    if (kJointParents[j] < 0) continue;
+    const bool is_shoulder = j == kLShoulder || j == kRShoulder;
+    const Eigen::Quaterniond collar = is_shoulder
+                                          ? pose.collar[j == kRShoulder]
+                                          : Eigen::Quaterniond::Identity();
+    point += collar * (skeleton.length[j] * skeleton.rest_direction[j]);
   }
   return point + pose.root_in_world;
 }

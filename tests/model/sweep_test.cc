@@ -344,6 +344,38 @@ TEST_F(SweepTest, ShoulderTwistDoesNotTurnTheShoulder) {
               1e-12);
 }
 
+TEST_F(SweepTest, CollarMovesTheArmWithoutTurningIt) {
+  Pose pose;
+  pose.collar[0] = Turn(0.4, Eigen::Vector3d::UnitZ());
+  const Eigen::Vector3d moved =
+      ForwardKinematics(skeleton_, pose).joint_in_world[kLShoulder] -
+      RestFrames(skeleton_).joint_in_world[kLShoulder];
+  const SweepAxis rest = Rest(arm_);
+  const SweepAxis posed = Posed(arm_, pose);
+  for (double u = -0.1; u < 3.1; u += 0.1) {
+    EXPECT_LT((MotionAt(rest, posed, u).rotation - Eigen::Matrix3d::Identity())
+                  .norm(),
+              1e-12);
+    EXPECT_LT((MotionAt(rest, posed, u).translation - moved).norm(), 1e-12);
+  }
+}
+
+TEST_F(SweepTest, AxisAlongTheCollarBoneTurnsWithIt) {
+  Sweep collar = ToySweep(
+      "collar", {kNeck, kLShoulder, kLElbow}, Eigen::Vector3d::UnitZ(), 0.05);
+  collar.center_offset.setZero();
+  Pose pose;
+  pose.collar[0] = Turn(0.4, Eigen::Vector3d::UnitZ());
+  const JointFrames joints = ForwardKinematics(skeleton_, pose);
+  const SectionFrame section = Posed(collar, pose).At(0.5);
+  const Eigen::Vector3d& neck = joints.joint_in_world[kNeck];
+  const Eigen::Vector3d& shoulder = joints.joint_in_world[kLShoulder];
+  EXPECT_LT((section.center_in_world - 0.5 * (neck + shoulder)).norm(), 1e-12);
+  EXPECT_LT((section.world_from_section.col(2) - (shoulder - neck).normalized())
+                .norm(),
+            1e-12);
+}
+
 TEST_F(SweepTest, BonesFoldedFlatGiveFiniteFrames) {
   arm_.center_offset.setZero();
   skeleton_.rest_direction[kLElbow] = Eigen::Vector3d::UnitX();
@@ -352,6 +384,13 @@ TEST_F(SweepTest, BonesFoldedFlatGiveFiniteFrames) {
   joints.world_from_joint[kLElbow] =
       Eigen::Vector3d(-1, -1, 1).asDiagonal();  // exactly half a turn
   joints.world_from_joint[kLWrist] = joints.world_from_joint[kLElbow];
+  joints.joint_in_world[kLWrist] =
+      joints.joint_in_world[kLElbow] -
+      skeleton_.length[kLWrist] * Eigen::Vector3d::UnitX();
+  joints.joint_in_world[kLHandEnd] =
+      joints.joint_in_world[kLWrist] +
+      joints.world_from_joint[kLWrist] *
+          (skeleton_.length[kLHandEnd] * skeleton_.rest_direction[kLHandEnd]);
   const SweepAxis axis(arm_, skeleton_, joints);
   for (const double u : {0.9, 1.0, 1.0 + 1e-9, 1.1, 1.7}) {
     const SectionFrame section = axis.At(u);

@@ -178,8 +178,8 @@ inline Body ToyBody(int rings_per_tube = 24) {
   return body;
 }
 
-// A posture with every joint turned by up to `max_angle` about a random axis
-// and the root somewhere in the room.
+// A posture with every joint turned by up to `max_angle` about a random axis,
+// collar bones by 0.3 of it, and the root somewhere in the room.
 inline Pose RandomPose(double max_angle, unsigned seed) {
   std::mt19937 generator(seed);
   std::uniform_real_distribution<double> uniform(-1, 1);
@@ -194,6 +194,10 @@ inline Pose RandomPose(double max_angle, unsigned seed) {
   for (Eigen::Quaterniond& rotation : pose.rotation) {
     const Eigen::Vector3d axis = vector().normalized();
     rotation = Eigen::AngleAxisd(max_angle * uniform(generator), axis);
+  }
+  for (Eigen::Quaterniond& rotation : pose.collar) {
+    const Eigen::Vector3d axis = vector().normalized();
+    rotation = Eigen::AngleAxisd(0.3 * max_angle * uniform(generator), axis);
   }
   return pose;
 }
