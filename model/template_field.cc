@@ -69,13 +69,6 @@ MonotoneCurve Curve(const std::vector<StackSection>& sections,
   return MonotoneCurve(std::move(x), std::move(y));
 }
 
-// Narrowing of a section within `length` of an end, `inside` metres from it.
-double EndRounding(double inside, double length) {
-  if (length <= 0 || inside >= length) return 1;
-  const double t = 1 - std::max(0.0, inside) / length;
-  return std::sqrt(std::max(0.0, 1 - t * t));
-}
-
 double RoundConeDistance(const Eigen::Vector3d& query,
                          const Eigen::Vector3d& a,
                          const Eigen::Vector3d& b,
@@ -107,7 +100,11 @@ SectionStack::SectionStack(const Eigen::Vector3d& origin,
       x_axis_(x_axis),
       y_axis_(y_axis),
       direction_(direction),
+      round_start_(round_start),
+      round_end_(round_end),
       num_rows_(kRows) {
+  CHECK_GT(round_start, 0);
+  CHECK_GT(round_end, 0);
   CHECK_GE(sections.size(), 2u);
   start_ = sections.front().s;
   const double end = sections.back().s;
@@ -122,8 +119,6 @@ SectionStack::SectionStack(const Eigen::Vector3d& origin,
   center_.resize(kRows);
   for (int row = 0; row < kRows; ++row) {
     const double s = start_ + step_ * row;
-    const double scale = EndRounding(s - start_, round_start) *
-                         EndRounding(end - s, round_end);
     const double a = half_x.At(s);
     const double b = half_y.At(s);
     const double n = exponent.At(s);
@@ -131,9 +126,9 @@ SectionStack::SectionStack(const Eigen::Vector3d& origin,
     for (int k = 0; k < kColumns; ++k) {
       const double theta = 2 * std::numbers::pi * k / kColumns;
       radius_[row * kColumns + k] =
-          scale * std::pow(std::pow(std::abs(std::cos(theta)) / a, n) +
-                               std::pow(std::abs(std::sin(theta)) / b, n),
-                           -1 / n);
+          std::pow(std::pow(std::abs(std::cos(theta)) / a, n) +
+                       std::pow(std::abs(std::sin(theta)) / b, n),
+                   -1 / n);
     }
   }
 }
@@ -164,7 +159,6 @@ double SectionStack::Distance(const Eigen::Vector3d& point) const {
   const double s = q.dot(direction_);
   const double last = num_rows_ - 1;
   const double row = std::clamp((s - start_) / step_, 0.0, last);
-  const double beyond = std::max({0.0, start_ - s, s - end()});
   const int i = std::min(static_cast<int>(row), num_rows_ - 2);
   const Eigen::Vector2d c =
       (1 - (row - i)) * center_[i] + (row - i) * center_[i + 1];
@@ -175,7 +169,20 @@ double SectionStack::Distance(const Eigen::Vector3d& point) const {
       std::atan2(y, x) * (kColumns / (2 * std::numbers::pi)) + kColumns;
   if (column >= kColumns) column -= kColumns;
   const double radius = RadiusAt(row, column);
-  if (beyond > 0) return std::hypot(std::max(0.0, rho - radius), beyond);
+
+  // In a rounded end the section belongs to an ellipsoid with half axes
+  // radius, radius and the length of the end.
+  const double into_start = start_ + round_start_ - s;
+  const double into_end = s - (end() - round_end_);
+  if (into_start > 0 || into_end > 0) {
+    const bool at_end = into_end > into_start;
+    const double length = at_end ? round_end_ : round_start_;
+    const double t = (at_end ? into_end : into_start) / length;
+    const double k0 = std::hypot(rho / radius, t);
+    const double k1 = std::hypot(rho / (radius * radius), t / length);
+    if (k1 < 1e-12) return -std::min(radius, length);
+    return k0 * (k0 - 1) / k1;
+  }
   // Gradient length from the slopes along the axis and around the section.
   const double low = std::max(row - 1, 0.0);
   const double high = std::min(row + 1, last);
@@ -185,7 +192,7 @@ double SectionStack::Distance(const Eigen::Vector3d& point) const {
       (RadiusAt(row, column + 1) -
        RadiusAt(row, column > 1 ? column - 1 : column + kColumns - 1)) /
       (2 * 2 * std::numbers::pi / kColumns);
-  const double slope = radius > 1e-9 ? around / std::max(radius, rho) : 0;
+  const double slope = around / std::max(radius, rho);
   return (rho - radius) / std::sqrt(1 + along * along + slope * slope);
 }
 

@@ -28,7 +28,7 @@ class SectionStack {
  public:
   SectionStack() = default;
   // `sections` ascend in s. The ends close as half ellipsoids of the lengths
-  // round_start, round_end (0: flat).
+  // round_start, round_end > 0 within the first and last section.
   SectionStack(const Eigen::Vector3d& origin,
                const Eigen::Vector3d& x_axis,
                const Eigen::Vector3d& y_axis,
@@ -48,6 +48,7 @@ class SectionStack {
 
   Eigen::Vector3d origin_, x_axis_, y_axis_, direction_;
   double start_ = 0, step_ = 1;
+  double round_start_ = 1, round_end_ = 1;
   int num_rows_ = 0;
   std::vector<double> radius_;            // rows x kColumns
   std::vector<Eigen::Vector2d> center_;   // per row

@@ -267,16 +267,27 @@ class HalfPlacer {
         return tube.Distance(p);
       };
       const int count = static_cast<int>(base.size());
+      // The first rings turn from the base's own shape into sections.
+      constexpr int kFreeRow = 4;
+      double first = start;
+      for (int id : base)
+        first = std::max(first, (position_[id] - root).dot(along));
       const double last_ring = end - 0.35 * tube.radius[1];
       for (int row = 1; row <= R::kFingerRows; ++row) {
         const double t = static_cast<double>(row) / R::kFingerRows;
+        // Closer towards the tip.
         const double s =
-            start + (last_ring - start) * (1 - (1 - t) * (0.4 + 0.6 * (1 - t)) ) ;
+            first + (last_ring - first) * (t + 0.25 * t * (1 - t));
+        const double free = SmoothStep(static_cast<double>(row) / kFreeRow);
         for (int j = 0; j < count; ++j) {
           const double theta = 2 * kPi * (j + 0.5) / count;
-          position_[grid[row][j]] =
+          const Vector3d on_tube =
               Exit(distance, root + s * along,
                    std::cos(theta) * x + std::sin(theta) * y);
+          const double advance = (first - start) * t + (s - first);
+          const Vector3d from_base = position_[base[j]] + advance * along;
+          position_[grid[row][j]] =
+              (1 - free) * from_base + free * on_tube;
         }
       }
       position_[half_.finger_tip[f]] = root + end * along;

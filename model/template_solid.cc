@@ -12,8 +12,11 @@
 namespace sweepfit {
 namespace {
 
-constexpr int kGirthRays = 96;
-constexpr int kGirthIterations = 6;
+constexpr int kGirthRays = 48;
+constexpr int kGirthIterations = 5;
+// Beyond this distance from the mid plane, in statures, the surface of one leg
+// does not feel the other.
+constexpr double kLegsReach = 0.03;
 // A tape around the neck runs lower in front.
 constexpr double kNeckTapeLean = 20 * std::numbers::pi / 180;
 
@@ -194,6 +197,9 @@ double TemplateSolid::Trunk(const Eigen::Vector3d& point) const {
   const TemplateBlend& blend = tables_.blend;
   double trunk = trunk_.Distance(point);
   for (const Blob& blob : trunk_blobs_) trunk = blob.Apply(trunk, point);
+  // Well below the shoulders there is nothing else to add.
+  const double reach = std::max(blend.neck, blend.head) * stature_;
+  if (point.y() < neck_.start() - reach) return trunk;
   trunk = SmoothMin(trunk, neck_.Distance(point), blend.neck * stature_);
   double head = head_.Distance(point);
   for (const Blob& blob : head_blobs_) head = blob.Apply(head, point);
@@ -229,17 +235,18 @@ double TemplateSolid::LegAndFoot(const Eigen::Vector3d& point) const {
   return SmoothMin(Leg(point), Foot(point), tables_.blend.foot * stature_);
 }
 
-double TemplateSolid::LeftSide(const Eigen::Vector3d& point) const {
-  const TemplateBlend& blend = tables_.blend;
-  const double arm =
-      SmoothMin(Arm(point), Hand(point), blend.finger * stature_);
-  double side = SmoothMin(Trunk(point), arm, blend.arm * stature_);
-  return SmoothMin(side, LegAndFoot(point), blend.leg * stature_);
-}
-
 double TemplateSolid::Body(const Eigen::Vector3d& point) const {
-  return SmoothMin(LeftSide(point), LeftSide(Mirrored(point)),
-                   tables_.blend.legs * stature_);
+  const TemplateBlend& blend = tables_.blend;
+  const Eigen::Vector3d left(std::abs(point.x()), point.y(), point.z());
+  const Eigen::Vector3d right = Mirrored(left);
+  // The arms are never near each other, the legs are near the mid plane.
+  const double arm =
+      SmoothMin(Arm(left), Hand(left), blend.finger * stature_);
+  double leg = LegAndFoot(left);
+  if (left.x() < kLegsReach * stature_)
+    leg = SmoothMin(leg, LegAndFoot(right), blend.legs * stature_);
+  const double trunk = SmoothMin(Trunk(left), arm, blend.arm * stature_);
+  return SmoothMin(trunk, leg, blend.leg * stature_);
 }
 
 Eigen::Vector3d TemplateSolid::ArmAxis(double bones) const {

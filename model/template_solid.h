@@ -32,8 +32,7 @@ class TemplateSolid {
   double Leg(const Eigen::Vector3d& point) const;
   double Foot(const Eigen::Vector3d& point) const;
   double LegAndFoot(const Eigen::Vector3d& point) const;
-  // Trunk and the left limbs.
-  double LeftSide(const Eigen::Vector3d& point) const;
+  // Everything, both sides.
   double Body(const Eigen::Vector3d& point) const;
 
   const TemplateTables& tables() const { return tables_; }

@@ -24,7 +24,7 @@ struct TemplateRings {
   static constexpr int kArmColumns = 2 * (kArmPatchColumns + kArmPatchRows);
   static constexpr int kWristRow = 44;
   static constexpr int kPalmRow = 54;  // the knuckles, where fingers begin
-  static constexpr int kThumbRow = 47;  // first row of the thumb's opening
+  static constexpr int kThumbRow = 48;  // first row of the thumb's opening
   static constexpr int kFingerRows = 10;
   static constexpr int kStripEdges = 8;  // across the crotch
   static constexpr int kLegColumns = kHalfTrunk + kStripEdges;

@@ -40,6 +40,7 @@ class LineSpacing {
 // A chart of the left half as a rectangle in metres.
 struct Rectangle {
   std::map<int, double> column, row;
+  bool flip = false;  // columns run against u, so that no chart is mirrored
   double width() const { return column.rbegin()->second; }
   double height() const { return row.rbegin()->second; }
 };
@@ -66,6 +67,15 @@ std::vector<Rectangle> MeasureCharts(
   std::vector<Rectangle> rectangles;
   for (size_t c = 0; c < half.charts.size(); ++c)
     rectangles.push_back({columns[c].Positions(), rows[c].Positions()});
+  for (size_t q = 0; q < half.quads.size(); ++q) {
+    const auto& corner = half.quad_corner[q];
+    // Counter-clockwise unless the first edge is followed by a right turn.
+    const int turn = (corner[1].column - corner[0].column) *
+                         (corner[2].row - corner[1].row) -
+                     (corner[1].row - corner[0].row) *
+                         (corner[2].column - corner[1].column);
+    rectangles[half.quad_chart[q]].flip = turn < 0;
+  }
   return rectangles;
 }
 
@@ -151,8 +161,9 @@ std::vector<std::array<Eigen::Vector2f, 4>> UnrollCharts(
       const double width = rectangle.width();
       const Piece& left = *piece_of[chart][0];
       const Piece& right = *piece_of[chart][1];
-      const double left_x = symmetric ? width + x : x;
-      const double right_x = width - x;
+      double left_x = symmetric ? width + x : x;
+      double right_x = width - x;
+      if (rectangle.flip) std::swap(left_x, right_x);
       // The right half's quads run the other way round: 0, 3, 2, 1.
       const int j = (4 - i) % 4;
       uv[q][i] = Eigen::Vector2d(left.x + scale * left_x, left.y + scale * y)
