@@ -63,7 +63,12 @@ struct PosedPoint {
   ParameterBlocks Parameters(unsigned seed) const {
     std::vector<double> lengths(kNumLengthGroups);
     for (size_t g = 0; g < lengths.size(); ++g) lengths[g] = 0.01 * (g % 5) - .02;
-    return {RandomCoordinates(angles, seed), lengths, {0.05, 0.1, -0.2}};
+    std::vector<double> pose = RandomCoordinates(angles, seed);
+    // In the middle of the picture: beyond its border distances are clamped.
+    pose[0] = 0.1 * pose[0];
+    pose[1] = 0.8 + 0.1 * pose[1];
+    pose[2] = 0.1 * pose[2];
+    return {pose, lengths, {0.05, 0.1, -0.2}};
   }
 
   template <typename M>
