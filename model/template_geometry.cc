@@ -184,7 +184,7 @@ class HalfPlacer {
     const DistanceFunction arm = [&](const Vector3d& p) {
       return solid_.Arm(p);
     };
-    constexpr int kFreeRow = 9;  // the first ring square to the arm
+    constexpr int kFreeRow = 12;  // the first ring square to the arm
     const double free_bones = Bones(tables.arm_rings, kFreeRow);
     for (int row = 0; row <= R::kPalmRow; ++row) {
       const double bones = Bones(tables.arm_rings, row);
@@ -301,9 +301,12 @@ class HalfPlacer {
 
   void PlaceLeg() {
     const TemplateTables& tables = solid_.tables();
+    // Rays stop short of the mid plane, where the other leg begins.
+    const double mid_plane = 0.005 * stature_;
     const DistanceFunction distance = [&](const Vector3d& p) {
-      return SmoothMin(solid_.Trunk(p), solid_.LegAndFoot(p),
-                       tables.blend.leg * stature_);
+      return std::max(SmoothMin(solid_.Trunk(p), solid_.LegAndFoot(p),
+                                tables.blend.leg * stature_),
+                      mid_plane - p.x());
     };
     // The strip hangs between its ends like a chain; relaxation does the rest.
     const Vector3d front = position_[half_.strip.front()];
@@ -311,7 +314,7 @@ class HalfPlacer {
     for (int i = 1; i < R::kStripEdges; ++i) {
       const double t = static_cast<double>(i) / R::kStripEdges;
       position_[half_.strip[i]] = (1 - t) * front + t * back -
-                                  Vector3d(0, 0.02 * stature_ * 4 * t * (1 - t), 0);
+                                  Vector3d(0, 0.006 * stature_ * 4 * t * (1 - t), 0);
     }
     constexpr int kLevelRow = 14;  // the first ring in a horizontal plane
     const double side_height = position_[half_.trunk[0][R::kHalfTrunk / 2]].y();
@@ -420,8 +423,8 @@ class HalfPlacer {
         Mark(half_.trunk[row][k], kPasses * (7 - away) / 7);
       }
     }
-    for (int row = 0; row < 9; ++row) {
-      for (int id : half_.arm[row]) Mark(id, kPasses * (9 - row) / 9);
+    for (int row = 0; row < 12; ++row) {
+      for (int id : half_.arm[row]) Mark(id, kPasses * (12 - row) / 12);
     }
     for (int row = R::kNeckRow - 2; row < R::kTrunkRows; ++row) {
       for (int id : half_.trunk[row]) Mark(id, 4);
