@@ -213,12 +213,12 @@ class PartBuilder {
     BodyPart part;
     part.bone = bone;
     part.a = a;
-    part.b = b;
     part.radius_a = unit_ * radius_a;
     part.radius_b = unit_ * radius_b;
     part.stretched_from_world =
         axes.cwiseInverse().asDiagonal() *
         person_->world_from_joint[bone].transpose();
+    part.stretched_axis = part.stretched_from_world * (b - a);
     part.blend = unit_ * blend;
     person_->parts[group].push_back(part);
   }
@@ -397,12 +397,11 @@ std::array<Vector3d, kNumJoints> PersonShape::RestJoints() const {
 
 double BodyPart::Distance(const Vector3d& p) const {
   const Vector3d ap = stretched_from_world * (p - a);
-  const Vector3d ab = stretched_from_world * (b - a);
-  const double length_squared = ab.squaredNorm();
+  const double length_squared = stretched_axis.squaredNorm();
   const double t = length_squared > 0
-                       ? std::clamp(ap.dot(ab) / length_squared, 0.0, 1.0)
+                       ? std::clamp(ap.dot(stretched_axis) / length_squared, 0.0, 1.0)
                        : 0.0;
-  const Vector3d v = ap - t * ab;
+  const Vector3d v = ap - t * stretched_axis;
   const double norm = v.norm();
   const double radius = radius_a + t * (radius_b - radius_a);
   // At the very axis any direction serves.

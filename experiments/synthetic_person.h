@@ -35,9 +35,10 @@ PersonShape DrawPersonShape(unsigned seed);
 // exact on the surface and first-order right near it.
 struct BodyPart {
   int bone = 0;  // joint whose frame carries it
-  Eigen::Vector3d a, b;
+  Eigen::Vector3d a;
   double radius_a = 0, radius_b = 0;
-  Eigen::Matrix3d stretched_from_world;
+  Eigen::Matrix3d stretched_from_world;  // M
+  Eigen::Vector3d stretched_axis;        // M (b - a)
   double blend = 0;  // width of the smooth union with the parts before, metres
 
   double Distance(const Eigen::Vector3d& p) const;

@@ -20,8 +20,10 @@ using Eigen::Vector3d;
 // The surface of a group of parts blends with the others over this width,
 // fractions of stature.
 constexpr double kGroupBlend = 0.016;
-// Clothes, hair and bumps are looked up only this near the bare body, metres.
-constexpr double kReachOfClothes = 0.06;
+// Clothes, hair and bumps are looked up only this near the bare body, metres:
+// beyond it they cannot reach the band around the surface.
+constexpr double kThickestClothes = 0.07;
+constexpr double kDeepestDent = 0.03;
 // Within this distance bones share a point's rest position, metres.
 constexpr double kBoneBlend = 0.004;
 
@@ -30,6 +32,7 @@ constexpr double kBoneBlend = 0.004;
 double SmoothMin(double a, double b, double width) {
   const double low = std::min(a, b);
   const double overlap = width - std::abs(a - b);
+  // Not so for an infinite argument or without a width.
   return overlap > 0 ? low - overlap * overlap / (4 * width) : low;
 }
 
@@ -75,25 +78,30 @@ DressedBody::PartLists DressedBody::NearParts(const Vector3d& center,
   return lists;
 }
 
-double DressedBody::Distance(const Vector3d& point,
-                             const PartLists& lists) const {
-  double distance = std::numeric_limits<double>::infinity();
+DressedBody::Bare DressedBody::Undressed(const Vector3d& point,
+                                         const PartLists& lists) const {
+  constexpr double kNowhere = std::numeric_limits<double>::infinity();
+  Bare bare{kNowhere, {}};
+  bare.to_bone.fill(kNowhere);
   for (int group = 0; group < kNumBodyGroups; ++group) {
-    double of_group = std::numeric_limits<double>::infinity();
+    double of_group = kNowhere;
     for (int i : lists[group]) {
       const BodyPart& part = person_.parts[group][i];
       const double d = part.Distance(point);
-      of_group = std::isinf(of_group) || part.blend <= 0
-                     ? std::min(of_group, d)
-                     : SmoothMin(of_group, d, part.blend);
+      of_group = SmoothMin(of_group, d, part.blend);
+      bare.to_bone[part.bone] = std::min(bare.to_bone[part.bone], d);
     }
-    if (std::isinf(of_group)) continue;
-    distance = std::isinf(distance)
-                   ? of_group
-                   : SmoothMin(distance, of_group, kGroupBlend * stature_);
+    bare.distance = SmoothMin(bare.distance, of_group, kGroupBlend * stature_);
   }
-  if (std::abs(distance) < kReachOfClothes) {
-    distance -= outfit_.Thickness(RestPoint(point));
+  return bare;
+}
+
+double DressedBody::Distance(const Vector3d& point,
+                             const PartLists& lists) const {
+  const Bare bare = Undressed(point, lists);
+  double distance = bare.distance;
+  if (distance > -kDeepestDent && distance < kThickestClothes) {
+    distance -= outfit_.Thickness(RestPoint(point, bare));
   }
   // The floor presses the soles flat.
   return std::max(distance, -point.y());
@@ -104,20 +112,16 @@ double DressedBody::Distance(const Vector3d& point) const {
 }
 
 Vector3d DressedBody::RestPoint(const Vector3d& point) const {
-  std::array<double, kNumJoints> nearest;
-  nearest.fill(std::numeric_limits<double>::infinity());
-  double lowest = std::numeric_limits<double>::infinity();
-  for (const auto& group : person_.parts) {
-    for (const BodyPart& part : group) {
-      const double d = part.Distance(point);
-      nearest[part.bone] = std::min(nearest[part.bone], d);
-      lowest = std::min(lowest, d);
-    }
-  }
+  return RestPoint(point, Undressed(point, all_parts_));
+}
+
+Vector3d DressedBody::RestPoint(const Vector3d& point, const Bare& bare) const {
+  const double lowest =
+      *std::min_element(bare.to_bone.begin(), bare.to_bone.end());
   Vector3d sum = Vector3d::Zero();
   double total = 0;
   for (int bone = 0; bone < kNumJoints; ++bone) {
-    const double behind = (nearest[bone] - lowest) / kBoneBlend;
+    const double behind = (bare.to_bone[bone] - lowest) / kBoneBlend;
     if (!(behind < 30)) continue;
     const double weight = std::exp(-behind);
     total += weight;
@@ -149,13 +153,12 @@ TriangleMesh DressedBody::Mesh(double voxel_size) const {
       for (int k = 0; k < count.z(); ++k) {
         const Eigen::Array3i block = first + Eigen::Array3i(i, j, k);
         const Vector3d center = (block.cast<double>() + 0.5) * block_size;
-        double nearest = std::numeric_limits<double>::infinity();
-        for (const auto& group : person_.parts) {
-          for (const BodyPart& part : group) {
-            nearest = std::min(nearest, part.Distance(center));
-          }
-        }
-        if (std::abs(nearest) < 1.5 * block_size + 0.06) {
+        // First-order distances are off by some tens of percent away from
+        // the surface.
+        const double slack = 1.2 * block_size;
+        const double distance = Undressed(center, all_parts_).distance;
+        if (distance > -slack - kDeepestDent &&
+            distance < slack + kThickestClothes) {
           per_slab[i].emplace_back(block.x() * kBlock, block.y() * kBlock,
                                    block.z() * kBlock);
         }
@@ -210,11 +213,10 @@ TriangleMesh DressedBody::Mesh(double voxel_size) const {
     lowest = std::min<double>(lowest, p.y());
   }
   for (Vector3d& v : mesh.vertices) v.y() -= lowest;
-  // OpenVDB runs its quads clockwise.
   std::vector<Quad> faces;
   for (const openvdb::Vec4I& q : quads) {
-    faces.push_back({static_cast<int>(q[3]), static_cast<int>(q[2]),
-                     static_cast<int>(q[1]), static_cast<int>(q[0])});
+    faces.push_back({static_cast<int>(q[0]), static_cast<int>(q[1]),
+                     static_cast<int>(q[2]), static_cast<int>(q[3])});
   }
   mesh.triangles = TriangulateQuads(faces, mesh.vertices);
   return LargestComponent(mesh);

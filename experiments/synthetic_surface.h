@@ -28,7 +28,16 @@ class DressedBody {
 
  private:
   using PartLists = std::array<std::vector<int>, kNumBodyGroups>;
+  // The smooth union without clothes, and how far the nearest part of every
+  // bone is.
+  struct Bare {
+    double distance;
+    std::array<double, kNumJoints> to_bone;
+  };
+  Bare Undressed(const Eigen::Vector3d& point, const PartLists& lists) const;
   double Distance(const Eigen::Vector3d& point, const PartLists& lists) const;
+  Eigen::Vector3d RestPoint(const Eigen::Vector3d& point,
+                            const Bare& bare) const;
   // The parts that can matter within `radius` of the point.
   PartLists NearParts(const Eigen::Vector3d& center, double radius) const;
 
