@@ -22,7 +22,7 @@ struct Landmark2 {
 
 // A point of the person in the world.
 struct Landmark3 {
-  std::string name;     // "head_end", "l_wrist", "l_armpit", "crotch", ...
+  std::string name;  // "head_end", "l_wrist", "l_armpit", "crotch", ...
   // The joint this landmark speaks of; the offsets from the body's outside to
   // the joint centre are already applied.
   int joint = -1;
@@ -43,8 +43,8 @@ struct LandmarkResult {
   // Horizontal unit vector the subject faces, and how sure that is (0..1).
   Eigen::Vector3d facing_in_world;
   double facing_confidence = 0;
-  double floor_height = 0;    // y of the lowest point
-  double stature = 0;         // upright height estimate, metres
+  double floor_height = 0;  // y of the lowest point
+  double stature = 0;       // upright height estimate, metres
   double stature_sigma = 0;
   // Limbs that are not safe, by name ("l_arm"), with the reason in the summary.
   std::vector<std::string> unsafe_limbs;

@@ -1,0 +1,603 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "solver/landmark_body.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "model/skeleton.h"
+
+namespace sweepfit {
+namespace {
+
+// Offsets and proportions below are fractions of the body's height H.
+
+constexpr double kMinHeadThickness = 0.03;
+constexpr double kMaxFootHeight = 0.3;
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle =
+      values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+Eigen::Vector3d Horizontal(const Eigen::Vector3d& v) {
+  return {v.x(), 0, v.z()};
+}
+
+// Covariance with one standard deviation along a direction and another across.
+Eigen::Matrix3d AlongAcross(const Eigen::Vector3d& unit_direction,
+                            double along,
+                            double across) {
+  const Eigen::Matrix3d projection =
+      unit_direction * unit_direction.transpose();
+  return along * along * projection +
+         across * across * (Eigen::Matrix3d::Identity() - projection);
+}
+
+Landmark3 MakeLandmark(int joint,
+                       const Eigen::Vector3d& point_in_world,
+                       const Eigen::Matrix3d& covariance) {
+  Landmark3 landmark;
+  landmark.name = std::string(kJointNames[joint]);
+  landmark.joint = joint;
+  landmark.point_in_world = point_in_world;
+  landmark.covariance = covariance;
+  landmark.source = "volume";
+  return landmark;
+}
+
+// The surface point of an end: from the line's first sections outwards.
+Eigen::Vector3d TipOfLine(const Volume& volume,
+                          const LimbLine& line,
+                          const Eigen::Vector3d& extremum,
+                          double reach) {
+  const Eigen::Vector3d base = PointAt(line, reach);
+  const Eigen::Vector3d outwards = extremum - base;
+  if (!(outwards.norm() > 0)) return extremum;
+  const Eigen::Vector3d direction = outwards.normalized();
+  const double exit = RayExit(volume, extremum, direction, 0.05);
+  return exit > 0 ? Eigen::Vector3d(extremum + exit * direction) : extremum;
+}
+
+class BodyTracer {
+ public:
+  BodyTracer(const Volume& volume,
+             const BodyEnds& ends,
+             double height,
+             double floor)
+      : volume_(volume), ends_(ends), height_(height), floor_(floor) {}
+
+  BodyTrace Run();
+
+ private:
+  LimbTrace TraceArm(const Extremum& hand) const;
+  LimbTrace TraceLeg(const Extremum& foot) const;
+  void FindWrist(LimbTrace* arm) const;
+  void FindArmpit(LimbTrace* arm) const;
+  void FindAnkle(LimbTrace* leg) const;
+  // Chord through a point along a direction, metres.
+  double Chord(const Eigen::Vector3d& point,
+               const Eigen::Vector3d& direction) const;
+  void FindFacing(std::vector<LimbTrace> arms, std::vector<LimbTrace> legs);
+  void FindCrotch();
+  void AddLegs();
+  void AddTrunk();
+  void AddArms();
+  void AddHead();
+  void Unsafe(const std::string& limb, const std::string& why);
+  Eigen::Vector3d LegPointAtHeight(const LimbTrace& leg, double y) const;
+
+  const Volume& volume_;
+  const BodyEnds& ends_;
+  const double height_;
+  const double floor_;
+  BodyTrace result_;
+  // Known after AddTrunk: the pelvis, and where the neck is.
+  Eigen::Vector3d root_in_world_ = Eigen::Vector3d::Zero();
+  bool crotch_is_safe_ = false;
+};
+
+void BodyTracer::Unsafe(const std::string& limb, const std::string& why) {
+  if (std::find(result_.unsafe_limbs.begin(),
+                result_.unsafe_limbs.end(),
+                limb) == result_.unsafe_limbs.end()) {
+    result_.unsafe_limbs.push_back(limb);
+  }
+  result_.warnings.push_back(limb + ": " + why);
+}
+
+LimbTrace BodyTracer::TraceArm(const Extremum& hand) const {
+  LimbTrace arm;
+  TraceOptions options;
+  options.half_size = 0.07 * height_;
+  options.max_area = 0.006 * height_ * height_;
+  options.max_length = 0.5 * height_;
+  arm.line = TraceLimb(volume_, hand.path_in_world, options);
+  FindWrist(&arm);
+  FindArmpit(&arm);
+  return arm;
+}
+
+void BodyTracer::FindWrist(LimbTrace* arm) const {
+  // The narrowest section, by its longer axis, where a wrist can be.
+  double narrowest = 1e9;
+  for (const LimbSection& section : arm->line) {
+    if (section.s < 0.065 * height_ || section.s > 0.14 * height_) continue;
+    if (!section.free || section.cut.half_axis_long >= narrowest) continue;
+    narrowest = section.cut.half_axis_long;
+    arm->s_wrist_or_ankle = section.s;
+  }
+  if (arm->s_wrist_or_ankle == 0) {
+    arm->s_wrist_or_ankle = 0.105 * height_;
+    return;
+  }
+  // The hand is wider than the wrist; where it is not, a cuff or a fist hides
+  // the place.
+  double widest = 0;
+  for (const LimbSection& section : arm->line) {
+    if (section.s < arm->s_wrist_or_ankle) {
+      widest = std::max(widest, section.cut.half_axis_long);
+    }
+  }
+  arm->narrowness = widest / narrowest;
+}
+
+void BodyTracer::FindArmpit(LimbTrace* arm) const {
+  const double first = 0.22 * height_;
+  for (const LimbSection& section : arm->line) {
+    arm->s_merge = section.s;
+    if (section.s < first) continue;
+    std::vector<double> areas;
+    for (const LimbSection& before : arm->line) {
+      if (before.s > section.s - 0.09 * height_ &&
+          before.s < section.s - 0.02 * height_) {
+        areas.push_back(before.cut.area);
+      }
+    }
+    const bool jump = section.cut.area > 1.5 * Median(areas);
+    Eigen::Vector3d point, axis;
+    const bool bent = FitAxis(arm->line,
+                              section.s - 0.1 * height_,
+                              section.s - 0.02 * height_,
+                              &point,
+                              &axis) &&
+                      section.tangent.dot(axis) < std::cos(0.5);
+    if (!section.free || jump || bent) break;
+  }
+  arm->merges_early = arm->s_merge < 0.24 * height_;
+}
+
+LimbTrace BodyTracer::TraceLeg(const Extremum& foot) const {
+  LimbTrace leg;
+  TraceOptions options;
+  options.half_size = 0.075 * height_;
+  options.max_area = 0.013 * height_ * height_;
+  options.max_length = 0.75 * height_;
+  leg.line = TraceLimb(volume_, foot.path_in_world, options);
+  FindAnkle(&leg);
+  leg.s_merge = leg.line.back().s;
+  for (const LimbSection& section : leg.line) {
+    if (section.s > 0.2 * height_ && !section.free) {
+      leg.s_merge = section.s;
+      break;
+    }
+  }
+  return leg;
+}
+
+void BodyTracer::FindAnkle(LimbTrace* leg) const {
+  // Narrowest section of the shank, .033 H above the joint.
+  double narrowest = 1e9;
+  double s_narrowest = 0.15 * height_;
+  for (const LimbSection& section : leg->line) {
+    if (section.s < 0.1 * height_ || section.s > 0.22 * height_) continue;
+    if (!section.free || section.cut.area >= narrowest) continue;
+    narrowest = section.cut.area;
+    s_narrowest = section.s;
+  }
+  leg->s_wrist_or_ankle = s_narrowest - 0.033 * height_;
+}
+
+double BodyTracer::Chord(const Eigen::Vector3d& point,
+                         const Eigen::Vector3d& direction) const {
+  if (volume_.Sample(point) >= 0) return 0;
+  const double reach = 0.2 * height_;
+  const double ahead = RayExit(volume_, point, direction, reach);
+  const double back = RayExit(volume_, point, -direction, reach);
+  return (ahead < 0 ? reach : ahead) + (back < 0 ? reach : back);
+}
+
+Eigen::Vector3d BodyTracer::LegPointAtHeight(const LimbTrace& leg,
+                                             double y) const {
+  const LimbLine& line = leg.line;
+  for (size_t i = 1; i < line.size(); ++i) {
+    const Eigen::Vector3d& a = line[i - 1].point_in_world;
+    const Eigen::Vector3d& b = line[i].point_in_world;
+    if (line[i].s < leg.s_wrist_or_ankle || b.y() < y) continue;
+    if (a.y() >= y) return a;
+    return a + (y - a.y()) / (b.y() - a.y()) * (b - a);
+  }
+  return line.back().point_in_world;
+}
+
+void BodyTracer::FindFacing(std::vector<LimbTrace> arms,
+                            std::vector<LimbTrace> legs) {
+  const auto arm_root = [&](const LimbTrace& arm) {
+    return PointAt(arm.line, arm.s_merge);
+  };
+  const auto leg_root = [&](const LimbTrace& leg) {
+    return LegPointAtHeight(leg, floor_ + 0.4 * height_);
+  };
+  // The line through the shoulders and that through the legs, either way.
+  Eigen::Vector3d lateral = Eigen::Vector3d::Zero();
+  if (arms.size() == 2) {
+    lateral = Horizontal(arm_root(arms[1]) - arm_root(arms[0]));
+  }
+  if (legs.size() == 2) {
+    Eigen::Vector3d across = Horizontal(leg_root(legs[1]) - leg_root(legs[0]));
+    if (across.dot(lateral) < 0) across = -across;
+    // Legs in a step say less about the trunk than shoulders do.
+    lateral += arms.size() == 2 ? Eigen::Vector3d(0.5 * across) : across;
+  }
+  if (lateral.norm() < 0.02 * height_) {
+    const Eigen::Vector3d chest =
+        ends_.head
+            ? ends_.head->path_in_world.back()
+            : Eigen::Vector3d(0.5 * (volume_.BoxMin() + volume_.BoxMax()));
+    const CutPlaneSection cut =
+        CutPlane(volume_, chest, Eigen::Vector3d::UnitY(), 0.2 * height_);
+    lateral = cut.found ? Horizontal(cut.long_direction)
+                        : Eigen::Vector3d(Eigen::Vector3d::UnitX());
+  }
+  lateral.normalize();
+  Eigen::Vector3d forward = lateral.cross(Eigen::Vector3d::UnitY());
+
+  // Toes point forward.
+  Eigen::Vector3d toes = Eigen::Vector3d::Zero();
+  for (const LimbTrace& leg : legs) {
+    const double s = leg.s_wrist_or_ankle + 0.06 * height_;
+    toes += Horizontal(leg.line.front().point_in_world - PointAt(leg.line, s));
+  }
+  double evidence = forward.dot(toes) / (0.1 * height_);
+  if (evidence < 0) {
+    forward = -forward;
+    evidence = -evidence;
+  }
+  result_.facing_in_world = forward;
+  result_.left_in_world = Eigen::Vector3d::UnitY().cross(forward);
+  // Two feet that point straight ahead give an evidence of about 2.
+  result_.facing_confidence = std::clamp(evidence / 1.5, 0.0, 1.0);
+
+  const auto sort = [&](std::vector<LimbTrace>* limbs,
+                        const auto& root,
+                        std::array<std::optional<LimbTrace>, 2>* by_side) {
+    const auto leftness = [&](const LimbTrace& limb) {
+      return result_.left_in_world.dot(root(limb));
+    };
+    if (limbs->size() == 2) {
+      const bool first_is_left = leftness((*limbs)[0]) > leftness((*limbs)[1]);
+      (*by_side)[kLeft] = std::move((*limbs)[first_is_left ? 0 : 1]);
+      (*by_side)[kRight] = std::move((*limbs)[first_is_left ? 1 : 0]);
+    } else if (limbs->size() == 1) {
+      const Eigen::Vector3d middle =
+          ends_.head
+              ? ends_.head->path_in_world.back()
+              : Eigen::Vector3d(0.5 * (volume_.BoxMin() + volume_.BoxMax()));
+      const bool left =
+          leftness((*limbs)[0]) > result_.left_in_world.dot(middle);
+      (*by_side)[left ? kLeft : kRight] = std::move((*limbs)[0]);
+    }
+  };
+  sort(&arms, arm_root, &result_.arm);
+  sort(&legs, leg_root, &result_.leg);
+}
+
+void BodyTracer::FindCrotch() {
+  if (!result_.leg[kLeft] || !result_.leg[kRight]) return;
+  // Cameras that look down see a web between the thighs well below the crotch:
+  // it counts as trunk once it is nearly as deep as the thighs.
+  const double step = 0.005;
+  double merge = 0;
+  for (double h = 0.55 * height_; h > 0.1 * height_; h -= step) {
+    const Eigen::Vector3d left =
+        LegPointAtHeight(*result_.leg[kLeft], floor_ + h);
+    const Eigen::Vector3d right =
+        LegPointAtHeight(*result_.leg[kRight], floor_ + h);
+    if (Horizontal(left - right).norm() < 0.03 * height_) continue;
+    const double middle = Chord(0.5 * (left + right), result_.facing_in_world);
+    const double thigh = 0.5 * (Chord(left, result_.facing_in_world) +
+                                Chord(right, result_.facing_in_world));
+    if (middle < 0.6 * thigh) break;
+    merge = h;
+  }
+  result_.crotch_height = merge;
+}
+
+void BodyTracer::AddLegs() {
+  static constexpr const char* kNames[] = {"l_leg", "r_leg"};
+  static constexpr int kAnkle[] = {kLAnkle, kRAnkle};
+  static constexpr int kKnee[] = {kLKnee, kRKnee};
+  static constexpr int kToe[] = {kLFootEnd, kRFootEnd};
+  static constexpr int kHip[] = {kLHip, kRHip};
+  for (const int side : {kLeft, kRight}) {
+    if (!result_.leg[side]) {
+      Unsafe(kNames[side], "no foot stands out");
+      continue;
+    }
+    LimbTrace& leg = *result_.leg[side];
+    const Eigen::Vector3d hip = root_in_world_ + (side == kLeft ? 1 : -1) *
+                                                     0.05 * height_ *
+                                                     result_.left_in_world;
+    // The ankle: on the shank's axis.
+    Eigen::Vector3d axis_point, axis;
+    const double s_shank = leg.s_wrist_or_ankle + 0.033 * height_;
+    if (!FitAxis(
+            leg.line, s_shank, s_shank + 0.12 * height_, &axis_point, &axis)) {
+      Unsafe(kNames[side], "the shank cannot be followed");
+      continue;
+    }
+    const Eigen::Vector3d narrowest = PointAt(leg.line, s_shank);
+    const double along_narrowest = (narrowest - axis_point).dot(axis);
+    double along = along_narrowest - 0.033 * height_;
+    double sigma = 0.015;
+    if (axis.y() > 0.9) {
+      // Over the sole: .0415 H and something for a sole.
+      const double down =
+          RayExit(volume_, narrowest, -Eigen::Vector3d::UnitY(), 0.2);
+      if (down > 0) {
+        const double sole = narrowest.y() - down;
+        const double over_sole =
+            (sole + 0.048 * height_ - axis_point.y()) / axis.y();
+        const double difference = std::abs(over_sole - along);
+        along = 0.5 * (over_sole + along);
+        sigma = std::max(0.012, 0.5 * difference);
+      }
+    }
+    const Eigen::Vector3d ankle = axis_point + along * axis;
+    result_.landmarks.push_back(
+        MakeLandmark(kAnkle[side], ankle, AlongAcross(axis, sigma, 0.010)));
+    const Eigen::Vector3d toe = TipOfLine(
+        volume_, leg.line, leg.line.front().point_in_world, 0.05 * height_);
+    result_.landmarks.push_back(MakeLandmark(
+        kToe[side], toe, 0.015 * 0.015 * Eigen::Matrix3d::Identity()));
+
+    // The knee: a bend, else the usual share of the way.
+    const double s_ankle = s_shank - 0.033 * height_;
+    double s_hip = s_ankle;
+    for (const LimbSection& section : leg.line) {
+      s_hip = section.s;
+      if ((section.point_in_world - ankle).norm() > (hip - ankle).norm() ||
+          section.s > leg.s_merge) {
+        break;
+      }
+    }
+    const double leg_length = (hip - ankle).norm();
+    double s_knee = s_ankle + 0.51 * leg_length;
+    double along_knee = 0.028;
+    const Bend bend = SharpestBend(
+        leg.line,
+        s_ankle + 0.35 * leg_length,
+        std::min(s_ankle + 0.65 * leg_length, leg.s_merge - 0.03 * height_),
+        0.1 * height_);
+    if (bend.angle > 0.35) {
+      s_knee = bend.s;
+      along_knee = 0.02;
+    }
+    if (s_knee < leg.s_merge) {
+      result_.landmarks.push_back(MakeLandmark(
+          kKnee[side],
+          PointAt(leg.line, s_knee),
+          AlongAcross(TangentAt(leg.line, s_knee), along_knee, 0.010)));
+    } else {
+      Unsafe(kNames[side], "the knee is hidden");
+    }
+    const double hip_sigma = crotch_is_safe_ ? 0.022 : 0.035;
+    result_.landmarks.push_back(
+        MakeLandmark(kHip[side],
+                     hip,
+                     AlongAcross(Eigen::Vector3d::UnitY(), hip_sigma, 0.018)));
+  }
+}
+
+void BodyTracer::AddTrunk() {
+  double hip_height = 0.52 * height_;
+  crotch_is_safe_ = result_.crotch_height > 0.42 * height_ &&
+                    result_.crotch_height < 0.53 * height_;
+  if (crotch_is_safe_) {
+    hip_height = result_.crotch_height + 0.05 * height_;
+  } else {
+    const std::string why = result_.crotch_height > 0
+                                ? "legs merge (skirt or closed legs)"
+                                : "the crotch was not found";
+    Unsafe("l_leg", why);
+    Unsafe("r_leg", why);
+  }
+  Eigen::Vector3d middle = 0.5 * (volume_.BoxMin() + volume_.BoxMax());
+  if (result_.leg[kLeft] && result_.leg[kRight]) {
+    middle =
+        0.5 * (LegPointAtHeight(*result_.leg[kLeft], floor_ + 0.45 * height_) +
+               LegPointAtHeight(*result_.leg[kRight], floor_ + 0.45 * height_));
+  } else if (ends_.head) {
+    middle = ends_.head->path_in_world.back();
+  }
+  middle.y() = floor_ + hip_height;
+  const CutPlaneSection cut =
+      CutPlane(volume_, middle, Eigen::Vector3d::UnitY(), 0.2 * height_);
+  if (cut.found) middle = cut.centroid_in_world;
+  root_in_world_ = middle;
+  result_.landmarks.push_back(MakeLandmark(
+      kRoot,
+      root_in_world_,
+      AlongAcross(
+          Eigen::Vector3d::UnitY(), crotch_is_safe_ ? 0.022 : 0.035, 0.018)));
+}
+
+void BodyTracer::AddArms() {
+  static constexpr const char* kNames[] = {"l_arm", "r_arm"};
+  static constexpr int kShoulder[] = {kLShoulder, kRShoulder};
+  static constexpr int kElbow[] = {kLElbow, kRElbow};
+  static constexpr int kWrist[] = {kLWrist, kRWrist};
+  static constexpr int kTip[] = {kLHandEnd, kRHandEnd};
+  for (const int side : {kLeft, kRight}) {
+    if (!result_.arm[side]) {
+      Unsafe(kNames[side], "no hand stands out");
+      continue;
+    }
+    const LimbTrace& arm = *result_.arm[side];
+    const Eigen::Vector3d tip = TipOfLine(
+        volume_, arm.line, arm.line.front().point_in_world, 0.03 * height_);
+    result_.landmarks.push_back(MakeLandmark(
+        kTip[side],
+        tip,
+        AlongAcross(TangentAt(arm.line, 0.03 * height_), 0.025, 0.012)));
+    const double s_wrist = arm.s_wrist_or_ankle;
+    const bool clear_wrist = arm.narrowness > 1.25;
+    result_.landmarks.push_back(MakeLandmark(
+        kWrist[side],
+        PointAt(arm.line, s_wrist),
+        AlongAcross(
+            TangentAt(arm.line, s_wrist), clear_wrist ? 0.012 : 0.03, 0.007)));
+    if (arm.merges_early) {
+      Unsafe(kNames[side], "the arm merges with the trunk");
+      continue;
+    }
+    Eigen::Vector3d axis_point, axis;
+    if (!FitAxis(arm.line,
+                 arm.s_merge - 0.1 * height_,
+                 arm.s_merge - 0.015 * height_,
+                 &axis_point,
+                 &axis)) {
+      Unsafe(kNames[side], "the upper arm cannot be followed");
+      continue;
+    }
+    const double along = arm.s_merge - 0.0575 * height_ + 0.045 * height_;
+    const Eigen::Vector3d shoulder =
+        axis_point + (along - (arm.s_merge - 0.0575 * height_)) * axis +
+        0.0575 * height_ * axis;
+    result_.landmarks.push_back(MakeLandmark(
+        kShoulder[side], shoulder, AlongAcross(axis, 0.03, 0.018)));
+    const double s_shoulder = arm.s_merge + 0.045 * height_;
+    double s_elbow = s_shoulder - 0.515 * (s_shoulder - s_wrist);
+    double along_elbow = 0.03;
+    const Bend bend = SharpestBend(
+        arm.line,
+        s_elbow - 0.06 * height_,
+        std::min(s_elbow + 0.06 * height_, arm.s_merge - 0.05 * height_),
+        0.09 * height_);
+    if (bend.angle > 0.35) {
+      s_elbow = bend.s;
+      along_elbow = 0.018;
+    }
+    result_.landmarks.push_back(MakeLandmark(
+        kElbow[side],
+        PointAt(arm.line, s_elbow),
+        AlongAcross(TangentAt(arm.line, s_elbow), along_elbow, 0.010)));
+  }
+}
+
+void BodyTracer::AddHead() {
+  if (!ends_.head) {
+    result_.warnings.push_back("head: no end of the body is thick enough");
+    return;
+  }
+  // Sections from the head down towards the trunk.
+  TraceOptions options;
+  options.half_size = 0.09 * height_;
+  options.max_area = 0.02 * height_ * height_;
+  options.max_length = 0.3 * height_;
+  const LimbLine line = TraceLimb(volume_, ends_.head->path_in_world, options);
+  double narrowest = 1e9;
+  double s_neck = 0.16 * height_;
+  for (const LimbSection& section : line) {
+    if (section.s < 0.09 * height_ || section.s > 0.24 * height_) continue;
+    if (!section.free || section.cut.area >= narrowest) continue;
+    narrowest = section.cut.area;
+    s_neck = section.s;
+  }
+  Eigen::Vector3d narrow = PointAt(line, s_neck);
+  const Eigen::Vector3d down = (root_in_world_ - narrow).normalized();
+  const Eigen::Vector3d neck = narrow + 0.015 * height_ * down;
+  result_.landmarks.push_back(
+      MakeLandmark(kNeck, neck, AlongAcross(down, 0.022, 0.015)));
+  // The crown: up from the middle of the head.
+  Eigen::Vector3d head_middle = PointAt(line, 0.06 * height_);
+  const Eigen::Vector3d head_up = (head_middle - narrow).normalized();
+  const double exit = RayExit(volume_, head_middle, head_up, 0.2 * height_);
+  const Eigen::Vector3d crown =
+      exit > 0 ? Eigen::Vector3d(head_middle + exit * head_up)
+               : ends_.head->point_in_world;
+  result_.landmarks.push_back(
+      MakeLandmark(kHeadEnd, crown, AlongAcross(head_up, 0.015, 0.025)));
+  const Eigen::Vector3d head = crown - 0.085 * height_ * head_up;
+  result_.landmarks.push_back(
+      MakeLandmark(kHead, head, AlongAcross(head_up, 0.025, 0.03)));
+
+  const Eigen::Vector3d up = (neck - root_in_world_).normalized();
+  Eigen::Vector3d spine = root_in_world_ + 0.095 * height_ * up;
+  const CutPlaneSection cut = CutPlane(volume_, spine, up, 0.2 * height_);
+  if (cut.found) spine = cut.centroid_in_world;
+  result_.landmarks.push_back(
+      MakeLandmark(kSpine, spine, AlongAcross(up, 0.05, 0.025)));
+}
+
+BodyTrace BodyTracer::Run() {
+  result_.head = ends_.head;
+  std::vector<LimbTrace> arms, legs;
+  for (const Extremum& hand : ends_.hands) arms.push_back(TraceArm(hand));
+  for (const Extremum& foot : ends_.feet) legs.push_back(TraceLeg(foot));
+  FindFacing(std::move(arms), std::move(legs));
+  FindCrotch();
+  AddTrunk();
+  AddHead();
+  AddArms();
+  AddLegs();
+  return std::move(result_);
+}
+
+}  // namespace
+
+BodyEnds NameExtrema(const std::vector<Extremum>& extrema,
+                     double body_height,
+                     double floor) {
+  BodyEnds ends;
+  std::vector<Extremum> rest = extrema;
+  std::stable_sort(rest.begin(), rest.end(), [](const auto& a, const auto& b) {
+    return a.point_in_world.y() < b.point_in_world.y();
+  });
+  while (!rest.empty() && ends.feet.size() < 2 &&
+         rest.front().point_in_world.y() <
+             floor + kMaxFootHeight * body_height) {
+    ends.feet.push_back(rest.front());
+    rest.erase(rest.begin());
+  }
+  const auto thickest = std::max_element(
+      rest.begin(), rest.end(), [](const auto& a, const auto& b) {
+        return a.thickness < b.thickness;
+      });
+  if (thickest != rest.end() &&
+      thickest->thickness > kMinHeadThickness * body_height) {
+    ends.head = *thickest;
+    rest.erase(thickest);
+  }
+  std::stable_sort(rest.begin(), rest.end(), [](const auto& a, const auto& b) {
+    return a.prominence > b.prominence;
+  });
+  for (const Extremum& extremum : rest) {
+    if (ends.hands.size() < 2) ends.hands.push_back(extremum);
+  }
+  return ends;
+}
+
+BodyTrace TraceBody(const Volume& volume,
+                    const BodyEnds& ends,
+                    double body_height,
+                    double floor) {
+  return BodyTracer(volume, ends, body_height, floor).Run();
+}
+
+}  // namespace sweepfit
