@@ -3,11 +3,17 @@
 
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "capture/silhouette.h"
 
 namespace sweepfit {
 namespace {
 
-constexpr int kBand = 3;  // px on both sides of the boundary
+// The mask's boundary lies where the first trace of the person shows, a little
+// outside of half coverage.
+constexpr int kBandInside = 3;   // px
+constexpr int kBandOutside = 1;  // px
 
 cv::Mat Disc(int radius) {
   return cv::getStructuringElement(cv::MORPH_ELLIPSE,
@@ -45,11 +51,11 @@ cv::Mat1f CoreWeight(const cv::Mat1b& mask) {
   return weight;
 }
 
-// One round: the mixing ratio in the band around the mask's boundary.
+// The mixing ratio in the band around the mask's boundary.
 cv::Mat1f Mix(const cv::Mat3f& picture,
               const cv::Mat3f& background,
               const cv::Mat1b& mask) {
-  constexpr int kWindow = 11;
+  constexpr int kWindow = 9;
   constexpr float kDarkestRatio = 0.3f, kBrightestRatio = 1.3f;
   const cv::Mat1b outside = mask == 0;
   const cv::Mat3f person = LocalMean(picture, CoreWeight(mask), kWindow);
@@ -58,8 +64,8 @@ cv::Mat1f Mix(const cv::Mat3f& picture,
   const cv::Mat3f background_outside =
       LocalMean(background, outside_weight, kWindow);
   cv::Mat1b grown, shrunk;
-  cv::dilate(mask, grown, Disc(kBand));
-  cv::erode(mask, shrunk, Disc(kBand));
+  cv::dilate(mask, grown, Disc(kBandOutside));
+  cv::erode(mask, shrunk, Disc(kBandInside));
   cv::Mat1f prior;
   mask.convertTo(prior, CV_32F, 1.0 / 255);
   cv::GaussianBlur(prior, prior, {}, 0.8, 0.8, cv::BORDER_REPLICATE);
@@ -94,12 +100,41 @@ cv::Mat1f Mix(const cv::Mat3f& picture,
   return alpha;
 }
 
+// The lens, the sharpening in the camera and compression spread a boundary over
+// more than the pixels it crosses. The share of each pixel inside the 0.5 level
+// of the (bilinear) mixing ratio is what is covered.
+cv::Mat1f Sharpen(const cv::Mat1f& alpha) {
+  constexpr int kSamples = 8;  // along each axis
+  cv::Mat1f low, high;
+  const cv::Mat square = cv::getStructuringElement(cv::MORPH_RECT, {3, 3});
+  cv::erode(alpha, low, square);
+  cv::dilate(alpha, high, square);
+  cv::Mat1f covered(alpha.size());
+  for (int y = 0; y < alpha.rows; ++y) {
+    for (int x = 0; x < alpha.cols; ++x) {
+      if (low(y, x) > 0.5f || high(y, x) <= 0.5f) {
+        covered(y, x) = low(y, x) > 0.5f ? 1.f : 0.f;
+        continue;
+      }
+      int count = 0;
+      for (int j = 0; j < kSamples; ++j) {
+        for (int i = 0; i < kSamples; ++i) {
+          const Eigen::Vector2d p(x + (i + 0.5) / kSamples - 0.5,
+                                  y + (j + 0.5) / kSamples - 0.5);
+          count += SampleBilinear(alpha, p).value > 0.5;
+        }
+      }
+      covered(y, x) = static_cast<float>(count) / (kSamples * kSamples);
+    }
+  }
+  return covered;
+}
+
 }  // namespace
 
 cv::Mat1f BoundaryCoverage(const cv::Mat3f& picture_linear,
                            const cv::Mat3f& background_linear,
                            const cv::Mat1b& mask) {
-  constexpr int kRounds = 2;
   constexpr int kMargin = 16;
   cv::Mat1f coverage(mask.size(), 0.f);
   const cv::Rect box = cv::boundingRect(mask);
@@ -107,13 +142,8 @@ cv::Mat1f BoundaryCoverage(const cv::Mat3f& picture_linear,
   const cv::Rect crop =
       (box + cv::Size(2 * kMargin, 2 * kMargin) - cv::Point(kMargin, kMargin)) &
       cv::Rect({0, 0}, mask.size());
-  cv::Mat1b current = mask(crop).clone();
-  cv::Mat1f alpha;
-  for (int round = 0; round < kRounds; ++round) {
-    alpha = Mix(picture_linear(crop), background_linear(crop), current);
-    current = alpha > 0.5f;
-  }
-  alpha.copyTo(coverage(crop));
+  Sharpen(Mix(picture_linear(crop), background_linear(crop), mask(crop)))
+      .copyTo(coverage(crop));
   return coverage;
 }
 

@@ -71,7 +71,7 @@ cv::Mat3b ApplyGain(const cv::Mat3b& plate, const cv::Vec3d& gain) {
 cv::Mat1b SoftlyLit(const cv::Mat1b& candidate,
                     const cv::Mat1b& plain,
                     const cv::Mat1f& log_light) {
-  constexpr float kSteepest = 0.12f;        // change of ln light per px
+  constexpr float kSteepest = 0.07f;        // change of ln light per px
   constexpr double kSmallestShare = 0.002;  // of the picture, plain pixels
   cv::Mat1f dx, dy, slope;
   cv::Sobel(log_light, dx, CV_32F, 1, 0, 3, 0.125, 0, cv::BORDER_REPLICATE);
@@ -98,7 +98,9 @@ cv::Mat1b SoftlyLit(const cv::Mat1b& candidate,
       reached(y, x) = i > 0 && plain_area[i] > smallest ? 255 : 0;
     }
   }
-  cv::dilate(reached, reached, square);
+  // Back, but not into the outline itself.
+  cv::dilate(
+      reached, reached, cv::getStructuringElement(cv::MORPH_RECT, {5, 5}));
   return reached & candidate;
 }
 
