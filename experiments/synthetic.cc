@@ -28,7 +28,7 @@ namespace {
 namespace fs = std::filesystem;
 using Eigen::Vector3d;
 
-constexpr double kVoxelSize = 0.005;  // metres
+constexpr double kVoxelSize = 0.0032;  // of the level set, statures
 constexpr int kJpegQuality = 92;
 constexpr double kRoomMargin = 1.6;  // from the cameras to the walls, metres
 constexpr int kPlateSamples = 2;     // per pixel and axis
@@ -52,7 +52,7 @@ Subject MakeSubject(const SyntheticOptions& options,
   const DressedBody body(shape, person, outfit);
   Subject subject;
   subject.pose = pose;
-  subject.mesh = body.Mesh(kVoxelSize);
+  subject.mesh = body.Mesh(kVoxelSize * shape.stature);
   subject.normals = VertexNormals(subject.mesh);
   const size_t count = subject.mesh.vertices.size();
   subject.rest_points.resize(count);
@@ -135,9 +135,8 @@ Vector3d Shade(const Subject& subject,
   return (ambient + key + fill) * outfit.Color(rest);
 }
 
-cv::Mat3f DrawRoom(const Camera& camera,
-                   const Room& room,
-                   const std::vector<ContactShadow>& shadows) {
+// Linear RGB.
+cv::Mat3f DrawRoom(const Camera& camera, const Room& room) {
   cv::Mat3f picture(camera.height, camera.width);
   const Vector3d origin = camera.CenterInWorld();
   for (int y = 0; y < camera.height; ++y) {
@@ -147,7 +146,7 @@ cv::Mat3f DrawRoom(const Camera& camera,
         for (int i = 0; i < kPlateSamples; ++i) {
           const Eigen::Vector2d pixel(x + (i + 0.5) / kPlateSamples - 0.5,
                                       y + (j + 0.5) / kPlateSamples - 0.5);
-          sum += room.Color(origin, RayForDrawing(camera, pixel), shadows);
+          sum += room.Color(origin, RayForDrawing(camera, pixel));
         }
       }
       sum /= kPlateSamples * kPlateSamples;
@@ -182,12 +181,23 @@ cv::Mat3b Expose(const cv::Mat3f& linear,
   return picture;
 }
 
-cv::Mat3f Compose(const cv::Mat3f& background, const Drawing& drawing) {
-  cv::Mat3f picture(background.size());
+// The person before the shadowed room, linear RGB.
+cv::Mat3f Compose(const Camera& camera,
+                  const Room& room,
+                  const cv::Mat3f& empty_room,
+                  const std::vector<ContactShadow>& shadows,
+                  const Drawing& drawing) {
+  cv::Mat3f picture(empty_room.size());
+  const Vector3d origin = camera.CenterInWorld();
   for (int y = 0; y < picture.rows; ++y) {
     for (int x = 0; x < picture.cols; ++x) {
-      picture(y, x) = (1 - drawing.coverage(y, x)) * background(y, x) +
-                      drawing.color(y, x);
+      const float free = 1 - drawing.coverage(y, x);
+      picture(y, x) = drawing.color(y, x);
+      if (free <= 0) continue;
+      const double shadow =
+          room.Shadow(origin, RayForDrawing(camera, {x, y}), shadows);
+      picture(y, x) +=
+          free * static_cast<float>(shadow) * empty_room(y, x);
     }
   }
   return picture;
@@ -275,10 +285,10 @@ void WriteCamera(const Capture& capture,
   const Camera& camera = entry.camera;
   Random random(0x6e6f6973ull * 1000003 + 1009 * options.seed + index);
   const double gain = random.Uniform(0.95, 1.05);
+  const cv::Mat3f empty_room = DrawRoom(camera, room);
   if (entry.background) {
     WritePicture(capture.folder / *entry.background,
-                 Expose(DrawRoom(camera, room, {}), gain, options.noise,
-                        &random));
+                 Expose(empty_room, gain, options.noise, &random));
   }
   for (size_t i = 0; i < subjects.size(); ++i) {
     const Subject& subject = subjects[i];
@@ -287,10 +297,10 @@ void WriteCamera(const Capture& capture,
         DrawMesh(camera, subject.mesh, [&](const SurfaceSample& sample) {
           return Shade(subject, outfit, light, sample);
         });
-    const cv::Mat3f background = DrawRoom(camera, room, subject.shadows);
-    WritePicture(
-        capture.folder / pose.images.at(camera.id),
-        Expose(Compose(background, drawing), gain, options.noise, &random));
+    const cv::Mat3f picture =
+        Compose(camera, room, empty_room, subject.shadows, drawing);
+    WritePicture(capture.folder / pose.images.at(camera.id),
+                 Expose(picture, gain, options.noise, &random));
     cv::Mat1b mask;
     drawing.coverage.convertTo(mask, CV_8U, 255);
     WritePicture(capture.folder / "truth" / pose.name / "masks" /

@@ -52,7 +52,7 @@ Vector3d DrawGarmentColor(Random* random,
   double best_distance = -1;
   for (int attempt = 0; attempt < 40; ++attempt) {
     const double hue = random->Uniform();
-    const double saturation = random->Uniform(0.35, 0.9);
+    const double saturation = random->Uniform(0.25, 0.75);
     const Vector3d color =
         FromHsv(hue, saturation, random->Uniform(low_value, high_value));
     double distance = 1;
@@ -107,9 +107,9 @@ Outfit::Outfit(const PersonShape& shape,
   shoe_y_ = rest_[kLAnkle].y() + random.Uniform(-0.004, 0.022) * h;
   const bool loose = random.Chance(0.4);
   shirt_thickness_ =
-      loose ? random.Uniform(0.010, 0.018) : random.Uniform(0.003, 0.006);
+      loose ? random.Uniform(0.006, 0.012) : random.Uniform(0.002, 0.005);
   trousers_thickness_ =
-      loose ? random.Uniform(0.008, 0.015) : random.Uniform(0.003, 0.006);
+      loose ? random.Uniform(0.004, 0.009) : random.Uniform(0.002, 0.005);
   hair_thickness_ = random.Uniform(0.006, 0.014);
   fold_height_ = loose ? 0.005 : 0.002;
   bump_height_ = random.Uniform(0.002, 0.005);
@@ -150,8 +150,7 @@ double Outfit::InsideShirt(const Vector3d& p) const {
 double Outfit::InsideTrousers(const Vector3d& p) const {
   const double wave = 0.005 * ValueNoise(p * 9, noise_seed_ + 2);
   const double waist = rest_[kRoot].y() + 0.07 * shape_.stature;
-  const double beside_arms = 0.8 * shape_.stature * 0.2 - std::abs(p.x());
-  return std::min({waist - p.y(), p.y() - trousers_y_ - wave, beside_arms + 1});
+  return std::min(waist - p.y(), p.y() - trousers_y_ - wave);
 }
 
 double Outfit::InsideShoe(const Vector3d& p) const {
@@ -192,7 +191,7 @@ double Outfit::Thickness(const Vector3d& p) const {
     // Loose shirts hang away from the waist.
     const double flare =
         1 + 0.5 * SmoothStep(0.2, 0.0, p.y() - hem_y_) *
-                (std::abs(p.x()) < rest_[kLShoulder].x() + 0.05);
+                (p.y() < rest_[kLShoulder].y() - 0.1);
     thickness = std::max(
         layer(shirt, shirt_thickness_ * flare + trousers_thickness_ *
                          SmoothStep(0.01, -0.01, -trousers) + folds),
@@ -206,8 +205,9 @@ double Outfit::Thickness(const Vector3d& p) const {
       SmoothStep(0.0, 0.05, rest_[kHead].y() - 0.04 - p.y());
   const double bumps = ValueNoise(p * 5, noise_seed_ + 6) +
                        0.5 * ValueNoise(p * 11, noise_seed_ + 7);
-  const double hands = SmoothStep(0.0, 0.05, rest_[kLWrist].x() - std::abs(p.x()));
-  return thickness + bump_height_ * bumps * below_head * hands;
+  const double before_hands =
+      SmoothStep(0.0, 0.05, rest_[kLWrist].x() - std::abs(p.x()));
+  return thickness + bump_height_ * bumps * below_head * before_hands;
 }
 
 Vector3d Outfit::SkinColor(const Vector3d& p) const {
@@ -239,7 +239,8 @@ Vector3d Outfit::ShirtColor(const Vector3d& p) const {
   const double weave = 1 + 0.10 * ValueNoise(p * 90, noise_seed_ + 11) +
                        0.12 * ValueNoise(p * 22, noise_seed_ + 12);
   bool second = false;
-  const double arms = std::abs(p.x()) - rest_[kLShoulder].x();
+  const bool low = p.y() < rest_[kLShoulder].y() - 0.08 * shape_.stature;
+  const double arms = low ? -1 : std::abs(p.x()) - rest_[kLShoulder].x();
   // Along the sleeve stripes run round the arm.
   const double along = arms > 0 ? arms : rest_[kNeck].y() - p.y();
   const auto band = [&](double x) {

@@ -263,8 +263,8 @@ void AddTrunk(const PersonShape& shape, PosedPerson* person) {
              0.042, 0.85 * shoulder +
                         0.15 * add.At(kSpine, s * 0.02, 0.172, -0.008),
              0.031, 0.03, {1, 1, 1.05});
-    add.Limb(kTrunkGroup, kNeck, add.At(kNeck, s * 0.010, 0.032, -0.004), 0.026,
-             0.72 * shoulder + 0.28 * person->joint_in_world[kNeck], 0.024,
+    add.Limb(kTrunkGroup, kNeck, add.At(kNeck, s * 0.008, 0.022, -0.004), 0.021,
+             0.72 * shoulder + 0.28 * person->joint_in_world[kNeck], 0.023,
              0.025);
     const double muscle = 0.012 + 0.012 * shape.sex * (1 - shape.childhood);
     add.Ellipsoid(kTrunkGroup, kSpine,
@@ -277,7 +277,7 @@ void AddTrunk(const PersonShape& shape, PosedPerson* person) {
                     {0.038, 0.038, 0.014 + 0.024 * bust}, 0.02);
     }
   }
-  const double neck = Mix(0.0325, 0.038, shape.sex) *
+  const double neck = Mix(0.0285, 0.0345, shape.sex) *
                       std::sqrt(shape.arm_girth) *
                       Mix(1, 0.95, shape.childhood);
   add.Limb(kTrunkGroup, kNeck, add.At(kNeck, 0, -0.015, 0.008), neck * 1.06,
@@ -320,11 +320,11 @@ void AddArm(const PersonShape& shape,
   const auto& joint = person->joint_in_world;
   const double elbow = 0.0238 * std::sqrt(g);
   add.Limb(arm, side.shoulder, add.At(side.shoulder, s * 0.008, 0, 0),
-           0.0305 * g, joint[side.elbow], elbow, 0);
+           0.0285 * g, joint[side.elbow], elbow, 0);
   add.Ellipsoid(arm, side.shoulder, add.At(side.shoulder, s * 0.012, 0.004, 0),
-                Vector3d(0.040, 0.033, 0.033) * g, 0.02);
+                Vector3d(0.038, 0.031, 0.031) * g, 0.02);
   add.Ellipsoid(arm, side.shoulder, add.At(side.shoulder, s * 0.085, 0, 0.005),
-                {0.050, 0.028 * g, 0.0295 * g}, 0.02);
+                {0.050, 0.0265 * g, 0.028 * g}, 0.02);
   add.Limb(arm, side.elbow, joint[side.elbow], elbow, joint[side.wrist],
            0.0162 * std::sqrt(g), 0.012);
   add.Ellipsoid(arm, side.elbow, add.At(side.elbow, s * 0.042, 0, 0.003),
@@ -357,17 +357,17 @@ void AddLeg(const PersonShape& shape,
   const double g = shape.leg_girth, s = side.sign;
   const BodyGroup leg = side.leg;
   const auto& joint = person->joint_in_world;
-  const double knee = 0.0325 * std::sqrt(g);
+  const double knee = 0.0300 * std::sqrt(g);
   add.Limb(leg, side.hip, add.At(side.hip, s * 0.004, -0.012, 0),
-           g * Mix(0.056, 0.053, shape.sex), joint[side.knee], knee, 0);
+           g * Mix(0.054, 0.051, shape.sex), joint[side.knee], knee, 0);
   add.Ellipsoid(leg, side.hip, add.At(side.hip, s * 0.004, -0.095, 0.008),
-                {0.047 * g, 0.10, 0.049 * g}, 0.03);
+                {0.044 * g, 0.10, 0.046 * g}, 0.03);
   add.Limb(leg, side.knee, joint[side.knee], knee,
-           add.At(side.ankle, 0, 0.012, -0.002), 0.0205, 0.015);
+           add.At(side.ankle, 0, 0.012, -0.002), 0.0190, 0.015);
   add.Ellipsoid(leg, side.knee, add.At(side.knee, 0, 0.0, 0.008),
-                Vector3d(0.026, 0.030, 0.026), 0.012);
+                Vector3d(0.024, 0.028, 0.0245), 0.012);
   add.Ellipsoid(leg, side.knee, add.At(side.knee, s * 0.003, -0.068, -0.013),
-                {0.032 * g, 0.062, 0.033 * g}, 0.025);
+                {0.0295 * g, 0.062, 0.031 * g}, 0.025);
   const double f = shape.foot_scale;
   const auto at = [&](double x, double y, double z) {
     return add.At(side.ankle, s * f * x, y, f * z);
@@ -437,7 +437,7 @@ PersonShape DrawPersonShape(unsigned seed) {
   shape.leg_girth = std::pow(fat, 0.45) * vary(0.04);
   shape.bust = child ? 0 : random.Uniform(0.4, 1.1) * (shape.sex < 0.5);
   shape.foot_scale = vary(0.03);
-  shape.long_hair = random.Chance(shape.sex < 0.5 ? 0.7 : 0.08);
+  shape.long_hair = random.Chance(shape.sex < 0.5 ? 0.7 : 0.05);
   shape.head_scale = Mix(1, 1.26, c) * vary(0.025);
 
   // Heights along the body before they are scaled to the stature.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "experiments/random.h"
 #include "experiments/synthetic_clothes.h"
@@ -70,41 +71,47 @@ Vector3d Room::WallColor(double along, double height, int wall) const {
   return gap * grain * tint * (height < kWainscot ? wainscot_ : wall_);
 }
 
-Vector3d Room::Color(const Vector3d& origin,
-                     const Vector3d& direction,
-                     const std::vector<ContactShadow>& shadows) const {
+Room::Hit Room::Trace(const Vector3d& origin,
+                      const Vector3d& direction) const {
   const Vector3d from = origin - center_;
-  // The nearest of the six planes in front; the ray starts inside.
-  double nearest = 1e9;
+  double nearest = std::numeric_limits<double>::infinity();
   int axis = 1;
   for (int i = 0; i < 3; ++i) {
     if (std::abs(direction[i]) < 1e-12) continue;
     const double low = i == 1 ? 0.0 : -half_size_;
     const double high = i == 1 ? kCeiling : half_size_;
-    const double t =
-        ((direction[i] > 0 ? high : low) - from[i]) / direction[i];
+    const double t = ((direction[i] > 0 ? high : low) - from[i]) / direction[i];
     if (t < nearest) {
       nearest = t;
       axis = i;
     }
   }
-  const Vector3d p = from + nearest * direction;
+  return {from + nearest * direction, axis};
+}
+
+Vector3d Room::Color(const Vector3d& origin, const Vector3d& direction) const {
+  const auto [p, axis] = Trace(origin, direction);
   // Light falls off towards the walls and corners.
-  const double falloff =
-      1 / (1 + 0.035 * (p.x() * p.x() + p.z() * p.z()));
+  const double falloff = 1 / (1 + 0.035 * (p.x() * p.x() + p.z() * p.z()));
   if (axis == 1 && direction.y() > 0) return 0.8 * falloff * Vector3d::Ones();
-  if (axis == 1) {
-    double light = 1.15 * falloff;
-    for (const ContactShadow& shadow : shadows) {
-      const Vector3d d = p + center_ - shadow.center_in_world;
-      const double r2 = (d.x() * d.x() + d.z() * d.z()) /
-                        (shadow.radius * shadow.radius);
-      light *= 1 - shadow.strength * std::exp(-r2);
-    }
-    return light * FloorColor(p);
-  }
+  if (axis == 1) return 1.15 * falloff * FloorColor(p);
   const int wall = (axis == 0 ? 0 : 2) + (direction[axis] > 0 ? 1 : 0);
   return 1.25 * falloff * WallColor(axis == 0 ? p.z() : p.x(), p.y(), wall);
+}
+
+double Room::Shadow(const Vector3d& origin,
+                    const Vector3d& direction,
+                    const std::vector<ContactShadow>& shadows) const {
+  const auto [p, axis] = Trace(origin, direction);
+  if (axis != 1 || direction.y() > 0) return 1;
+  double light = 1;
+  for (const ContactShadow& shadow : shadows) {
+    const Vector3d d = p + center_ - shadow.center_in_world;
+    const double r2 = (d.x() * d.x() + d.z() * d.z()) /
+                      (shadow.radius * shadow.radius);
+    light *= 1 - shadow.strength * std::exp(-r2);
+  }
+  return light;
 }
 
 }  // namespace sweepfit

@@ -24,16 +24,27 @@ class Room {
        double half_size,
        unsigned seed);
 
-  // What a ray from inside the room sees.
+  // What a ray from inside the room sees when nobody is there.
   Eigen::Vector3d Color(const Eigen::Vector3d& origin,
-                        const Eigen::Vector3d& direction,
-                        const std::vector<ContactShadow>& shadows) const;
+                        const Eigen::Vector3d& direction) const;
+  // Share of that light that the shadows leave; 1 off the floor.
+  double Shadow(const Eigen::Vector3d& origin,
+                const Eigen::Vector3d& direction,
+                const std::vector<ContactShadow>& shadows) const;
   // Floor, lower wall, upper wall.
   std::array<Eigen::Vector3d, 3> MainColors() const {
     return {floor_, wainscot_, wall_};
   }
 
  private:
+  // The nearest of floor, ceiling and walls along a ray from inside; axis 0:
+  // walls across x, 1: floor and ceiling, 2: walls across z.
+  struct Hit {
+    Eigen::Vector3d point;  // from the centre
+    int axis;
+  };
+  Hit Trace(const Eigen::Vector3d& origin,
+            const Eigen::Vector3d& direction) const;
   Eigen::Vector3d FloorColor(const Eigen::Vector3d& p) const;
   Eigen::Vector3d WallColor(double along, double height, int wall) const;
 

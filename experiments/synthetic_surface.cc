@@ -32,7 +32,7 @@ constexpr double kBoneBlend = 0.004;
 double SmoothMin(double a, double b, double width) {
   const double low = std::min(a, b);
   const double overlap = width - std::abs(a - b);
-  // Not so for an infinite argument or without a width.
+  // With an infinite argument or no width the overlap is not positive.
   return overlap > 0 ? low - overlap * overlap / (4 * width) : low;
 }
 
