@@ -45,8 +45,7 @@ Skeleton RestSkeleton(const TemplateTables& tables,
   for (int joint = 1; joint < kNumJoints; ++joint)
     skeleton.length[joint] = anthropometry.bone[joint].Mean(options.sex);
   const JointFrames frames = RestFrames(skeleton);
-  const double below =
-      tables.ankle_height - frames.joint_in_world[kLAnkle].y();
+  const double below = tables.ankle_height - frames.joint_in_world[kLAnkle].y();
   const double above = frames.joint_in_world[kHeadEnd].y();
   const double scale = options.stature / (above + below);
   for (double& length : skeleton.length) length *= scale;
@@ -98,8 +97,7 @@ std::vector<double> GirthFactors(const TemplateTables& tables,
 Body BuildTemplate(const TemplateOptions& options) {
   CheckOptions(options);
   const TemplateTables tables = TemplateTables::Default(options.sex);
-  const double mean_mass =
-      tables.ponderal_index * std::pow(options.stature, 3);
+  const double mean_mass = tables.ponderal_index * std::pow(options.stature, 3);
 
   Body body;
   body.sex = options.sex;
@@ -107,7 +105,8 @@ Body BuildTemplate(const TemplateOptions& options) {
   body.mass = options.mass == 0 ? mean_mass : options.mass;
   double root_height = 0;
   body.skeleton = RestSkeleton(tables, options, &root_height);
-  const TemplateSolid solid(tables, options.stature,
+  const TemplateSolid solid(tables,
+                            options.stature,
                             StandingJoints(body.skeleton, root_height),
                             GirthFactors(tables, options, mean_mass));
 

@@ -11,10 +11,10 @@ namespace sweepfit {
 namespace {
 
 // Left-side sweeps in the order of the weights below.
-constexpr std::array<int, 4> kLeftSweeps = {kTrunkSweep, kLArmSweep, kLLegSweep,
-                                            kLFootSweep};
-constexpr std::array<int, 4> kRightSweeps = {kTrunkSweep, kRArmSweep,
-                                             kRLegSweep, kRFootSweep};
+constexpr std::array<int, 4> kLeftSweeps = {
+    kTrunkSweep, kLArmSweep, kLLegSweep, kLFootSweep};
+constexpr std::array<int, 4> kRightSweeps = {
+    kTrunkSweep, kRArmSweep, kRLegSweep, kRFootSweep};
 using Weights = Eigen::Vector4d;
 
 constexpr double kBlendByStature = 0.04;
@@ -29,8 +29,10 @@ int OnlySweep(const HalfComplex& half, int v) {
 }
 
 Weights ByDistance(const TemplateSolid& solid, const Eigen::Vector3d& point) {
-  const Eigen::Vector4d distance(solid.Trunk(point), solid.Arm(point),
-                                 solid.Leg(point), solid.Foot(point));
+  const Eigen::Vector4d distance(solid.Trunk(point),
+                                 solid.Arm(point),
+                                 solid.Leg(point),
+                                 solid.Foot(point));
   const double nearest = distance.minCoeff();
   const double width = kBlendByStature * solid.stature();
   Weights weights;
@@ -61,8 +63,8 @@ void Smooth(const HalfComplex& half, std::vector<Weights>* weights) {
   }
 }
 
-std::vector<std::pair<int, double>> Heaviest(
-    const Weights& weights, const std::array<int, 4>& sweeps) {
+std::vector<std::pair<int, double>> Heaviest(const Weights& weights,
+                                             const std::array<int, 4>& sweeps) {
   std::vector<std::pair<int, double>> chosen;
   for (int i = 0; i < 4; ++i) {
     if (weights[i] > kNegligible) chosen.push_back({sweeps[i], weights[i]});

@@ -45,8 +45,8 @@ class MonotoneCurve {
   double At(double x) const {
     if (x <= x_.front()) return y_.front();
     if (x >= x_.back()) return y_.back();
-    const int i = static_cast<int>(
-        std::upper_bound(x_.begin(), x_.end(), x) - x_.begin() - 1);
+    const int i = static_cast<int>(std::upper_bound(x_.begin(), x_.end(), x) -
+                                   x_.begin() - 1);
     const double h = x_[i + 1] - x_[i];
     const double t = (x - x_[i]) / h;
     const double t2 = t * t;
@@ -164,7 +164,7 @@ double SectionStack::Distance(const Eigen::Vector3d& point) const {
       (1 - (row - i)) * center_[i] + (row - i) * center_[i + 1];
   const double x = q.dot(x_axis_) - c.x();
   const double y = q.dot(y_axis_) - c.y();
-  const double rho = std::hypot(x, y);
+  const double rho = std::sqrt(x * x + y * y);
   double column =
       std::atan2(y, x) * (kColumns / (2 * std::numbers::pi)) + kColumns;
   if (column >= kColumns) column -= kColumns;
@@ -178,16 +178,18 @@ double SectionStack::Distance(const Eigen::Vector3d& point) const {
     const bool at_end = into_end > into_start;
     const double length = at_end ? round_end_ : round_start_;
     const double t = (at_end ? into_end : into_start) / length;
-    const double k0 = std::hypot(rho / radius, t);
-    const double k1 = std::hypot(rho / (radius * radius), t / length);
+    const double across = rho / radius;
+    const double k0 = std::sqrt(across * across + t * t);
+    const double k1 = std::sqrt(across * across / (radius * radius) +
+                                t * t / (length * length));
     if (k1 < 1e-12) return -std::min(radius, length);
     return k0 * (k0 - 1) / k1;
   }
   // Gradient length from the slopes along the axis and around the section.
   const double low = std::max(row - 1, 0.0);
   const double high = std::min(row + 1, last);
-  const double along = (RadiusAt(high, column) - RadiusAt(low, column)) /
-                       ((high - low) * step_);
+  const double along =
+      (RadiusAt(high, column) - RadiusAt(low, column)) / ((high - low) * step_);
   const double around =
       (RadiusAt(row, column + 1) -
        RadiusAt(row, column > 1 ? column - 1 : column + kColumns - 1)) /
@@ -219,8 +221,10 @@ double Blob::Apply(double solid, const Eigen::Vector3d& point) const {
 double Tube::Distance(const Eigen::Vector3d& query) const {
   double best = std::numeric_limits<double>::infinity();
   for (size_t i = 0; i + 1 < point.size(); ++i) {
-    best = std::min(best, RoundConeDistance(query, point[i], point[i + 1],
-                                            radius[i], radius[i + 1]));
+    best =
+        std::min(best,
+                 RoundConeDistance(
+                     query, point[i], point[i + 1], radius[i], radius[i + 1]));
   }
   return best;
 }

@@ -50,8 +50,8 @@ class SectionStack {
   double start_ = 0, step_ = 1;
   double round_start_ = 1, round_end_ = 1;
   int num_rows_ = 0;
-  std::vector<double> radius_;            // rows x kColumns
-  std::vector<Eigen::Vector2d> center_;   // per row
+  std::vector<double> radius_;           // rows x kColumns
+  std::vector<Eigen::Vector2d> center_;  // per row
 };
 
 // An ellipsoid with half axes `radii`, turned by world_from_blob.

@@ -29,7 +29,8 @@ double Interpolate(const std::vector<double>& x,
   const int i = std::clamp(
       static_cast<int>(std::upper_bound(x.begin(), x.end(), at) - x.begin()) -
           1,
-      0, n - 2);
+      0,
+      n - 2);
   auto slope = [&](int k) {
     const int a = std::max(k - 1, 0);
     const int b = std::min(k + 1, n - 1);
@@ -107,16 +108,15 @@ class HalfPlacer {
       lean.push_back(key.lean_degrees * kPi / 180);
     }
     const DistanceFunction distance = [&](const Vector3d& p) {
-      return SmoothMin(solid_.Trunk(p), solid_.LegAndFoot(p),
-                       tables.blend.leg * stature_);
+      return SmoothMin(
+          solid_.Trunk(p), solid_.LegAndFoot(p), tables.blend.leg * stature_);
     };
     for (int row = 0; row < R::kTrunkRows; ++row) {
       const double y = Interpolate(row_key, height, row);
       const double z = Interpolate(row_key, anterior, row);
       const double tilt = std::tan(Interpolate(row_key, lean, row));
       const double dip =
-          tables.groin_drop *
-          (1 - SmoothStep(row / tables.groin_rows));
+          tables.groin_drop * (1 - SmoothStep(row / tables.groin_rows));
       // Columns crowd towards the face.
       const double crowd = 0.35 * SmoothStep((row - R::kNeckRow) / 12.0);
       for (int k = 0; k <= R::kHalfTrunk; ++k) {
@@ -126,8 +126,7 @@ class HalfPlacer {
         const double theta = even - crowd * std::sin(even);
         const double c = std::cos(theta);
         const double s = k == R::kHalfTrunk ? 0 : std::sin(theta);
-        const Vector3d center =
-            stature_ * Vector3d(0, y - dip * c * c, z);
+        const Vector3d center = stature_ * Vector3d(0, y - dip * c * c, z);
         position_[id] = Exit(distance, center, {s, -tilt * c, c});
       }
     }
@@ -163,11 +162,9 @@ class HalfPlacer {
         on_disc.y() = top.y();
         if (i == 0) on_disc.x() = 0;
         // Rays rise towards the middle.
-        const double inside =
-            1 - std::max(std::abs(a), std::abs(b));
+        const double inside = 1 - std::max(std::abs(a), std::abs(b));
         on_disc.y() += inside * 0.05 * stature_;
-        position_[half_.crown[j][i]] =
-            Exit(distance, center, on_disc - center);
+        position_[half_.crown[j][i]] = Exit(distance, center, on_disc - center);
       }
     }
   }
@@ -178,8 +175,8 @@ class HalfPlacer {
     const double lean = tables.arm_hole_lean;
     const Vector3d hole_normal(std::cos(lean), std::sin(lean), 0);
     const DistanceFunction trunk_and_arm = [&](const Vector3d& p) {
-      return SmoothMin(solid_.Trunk(p), solid_.Arm(p),
-                       tables.blend.arm * stature_);
+      return SmoothMin(
+          solid_.Trunk(p), solid_.Arm(p), tables.blend.arm * stature_);
     };
     const DistanceFunction arm = [&](const Vector3d& p) {
       return solid_.Arm(p);
@@ -200,14 +197,18 @@ class HalfPlacer {
       const Vector3d under = normal.cross(front);
       // Towards the hand columns are spaced by length, not by angle.
       const double by_length = SmoothStep((row - 34.0) / 10.0);
-      const std::vector<double> theta = RingAngles(
-          row < kFreeRow ? trunk_and_arm : arm, center, front, under,
-          by_length);
+      const std::vector<double> theta =
+          RingAngles(row < kFreeRow ? trunk_and_arm : arm,
+                     center,
+                     front,
+                     under,
+                     by_length);
       for (int j = 0; j < R::kArmColumns; ++j) {
         const int id = half_.arm[row][j];
         if (id < 0) continue;
         position_[id] =
-            Exit(row < kFreeRow ? trunk_and_arm : arm, center,
+            Exit(row < kFreeRow ? trunk_and_arm : arm,
+                 center,
                  std::cos(theta[j]) * front + std::sin(theta[j]) * under);
       }
     }
@@ -239,8 +240,7 @@ class HalfPlacer {
       const int i = static_cast<int>(
           std::upper_bound(length.begin(), length.end(), target) -
           length.begin());
-      const double t =
-          (target - length[i - 1]) / (length[i] - length[i - 1]);
+      const double t = (target - length[i - 1]) / (length[i] - length[i - 1]);
       const double theta = 2 * kPi * (i - 1 + t) / kSamples;
       angle[j] += by_length * (theta - angle[j]);
     }
@@ -276,18 +276,17 @@ class HalfPlacer {
       for (int row = 1; row <= R::kFingerRows; ++row) {
         const double t = static_cast<double>(row) / R::kFingerRows;
         // Closer towards the tip.
-        const double s =
-            first + (last_ring - first) * (t + 0.25 * t * (1 - t));
+        const double s = first + (last_ring - first) * (t + 0.25 * t * (1 - t));
         const double free = SmoothStep(static_cast<double>(row) / kFreeRow);
         for (int j = 0; j < count; ++j) {
           const double theta = 2 * kPi * (j + 0.5) / count;
           const Vector3d on_tube =
-              Exit(distance, root + s * along,
+              Exit(distance,
+                   root + s * along,
                    std::cos(theta) * x + std::sin(theta) * y);
           const double advance = (first - start) * t + (s - first);
           const Vector3d from_base = position_[base[j]] + advance * along;
-          position_[grid[row][j]] =
-              (1 - free) * from_base + free * on_tube;
+          position_[grid[row][j]] = (1 - free) * from_base + free * on_tube;
         }
       }
       position_[half_.finger_tip[f]] = root + end * along;
@@ -304,7 +303,8 @@ class HalfPlacer {
     // Rays stop short of the mid plane, where the other leg begins.
     const double mid_plane = 0.005 * stature_;
     const DistanceFunction distance = [&](const Vector3d& p) {
-      return std::max(SmoothMin(solid_.Trunk(p), solid_.LegAndFoot(p),
+      return std::max(SmoothMin(solid_.Trunk(p),
+                                solid_.LegAndFoot(p),
                                 tables.blend.leg * stature_),
                       mid_plane - p.x());
     };
@@ -313,15 +313,15 @@ class HalfPlacer {
     const Vector3d back = position_[half_.strip.back()];
     for (int i = 1; i < R::kStripEdges; ++i) {
       const double t = static_cast<double>(i) / R::kStripEdges;
-      position_[half_.strip[i]] = (1 - t) * front + t * back -
-                                  Vector3d(0, 0.006 * stature_ * 4 * t * (1 - t), 0);
+      position_[half_.strip[i]] =
+          (1 - t) * front + t * back -
+          Vector3d(0, 0.006 * stature_ * 4 * t * (1 - t), 0);
     }
     constexpr int kLevelRow = 14;  // the first ring in a horizontal plane
     const double side_height = position_[half_.trunk[0][R::kHalfTrunk / 2]].y();
     const double crotch = position_[half_.strip[R::kStripEdges / 2]].y();
-    const double first_slope =
-        (side_height - crotch) /
-        position_[half_.trunk[0][R::kHalfTrunk / 2]].x();
+    const double first_slope = (side_height - crotch) /
+                               position_[half_.trunk[0][R::kHalfTrunk / 2]].x();
     for (int row = 1; row <= R::kAnkleRow; ++row) {
       const Vector3d center = solid_.LegCenter(Bones(tables.leg_rings, row));
       const double slope =
@@ -330,8 +330,7 @@ class HalfPlacer {
         const double theta = LegAngle(j);
         const double lateral = -std::sin(theta);
         position_[half_.leg[row][j]] =
-            Exit(distance, center,
-                 {lateral, slope * lateral, std::cos(theta)});
+            Exit(distance, center, {lateral, slope * lateral, std::cos(theta)});
       }
     }
   }
@@ -352,7 +351,8 @@ class HalfPlacer {
         solid_.LegCenter(Bones(tables.leg_rings, first));
     const double upright_at = 0.040 * stature_;  // in front of the ankle
     const Vector3d foot_center = solid_.FootCenter(upright_at);
-    const double toe = (solid_.tables().foot.sections.back().s - 0.006) * stature_;
+    const double toe =
+        (solid_.tables().foot.sections.back().s - 0.006) * stature_;
     for (int row = first + 1; row <= R::kToeRow; ++row) {
       const double t =
           std::min(1.0, static_cast<double>(row - first) / kTurnRows);
@@ -368,7 +368,8 @@ class HalfPlacer {
       for (int j = 0; j < R::kLegColumns; ++j) {
         const double theta = LegAngle(j);
         position_[half_.leg[row][j]] =
-            Exit(distance, center,
+            Exit(distance,
+                 center,
                  std::cos(theta) * front - std::sin(theta) * lateral);
       }
     }
@@ -454,8 +455,8 @@ class HalfPlacer {
     for (int i = 0; i < 3; ++i) {
       Vector3d step = Vector3d::Zero();
       step[i] = h;
-      gradient[i] = (solid_.Body(point + step) - solid_.Body(point - step)) /
-                    (2 * h);
+      gradient[i] =
+          (solid_.Body(point + step) - solid_.Body(point - step)) / (2 * h);
     }
     return gradient;
   }
@@ -500,8 +501,8 @@ class HalfPlacer {
     const Vector3d gradient = Gradient(point);
     const double limit = 0.01 * stature_;
     const double value = std::clamp(solid_.Body(point), -limit, limit);
-    Vector3d moved = point - value * gradient /
-                                 std::max(0.25, gradient.squaredNorm());
+    Vector3d moved =
+        point - value * gradient / std::max(0.25, gradient.squaredNorm());
     if (half_.on_mid_plane[v]) moved.x() = 0;
     return moved;
   }

@@ -69,8 +69,10 @@ CrossSection CastSection(const SectionSource& source,
   for (int k = 0; k < columns; ++k) {
     const double theta = 2 * std::numbers::pi * k / columns;
     radii[k] = ExitDistance(
-        source.distance, center,
-        std::cos(theta) * frame.col(0) + std::sin(theta) * frame.col(1), step);
+        source.distance,
+        center,
+        std::cos(theta) * frame.col(0) + std::sin(theta) * frame.col(1),
+        step);
   }
   return CrossSection(radii);
 }
@@ -95,13 +97,16 @@ void FillSections(const SectionSource& source,
       const SectionFrame section = axis.At(u);
       const Eigen::Matrix3d& frame = section.world_from_section;
       const Vector3d on_axis = section.center_in_world + root_in_solid;
-      Vector2d offset = frame.leftCols<2>().transpose() *
-                        (source.inside(u) - on_axis);
+      Vector2d offset =
+          frame.leftCols<2>().transpose() * (source.inside(u) - on_axis);
       CrossSection cast;
       // Twice towards the centroid, so that the star centre is well inside.
       for (int k = 0; k < 3; ++k) {
-        cast = CastSection(source, on_axis + frame.leftCols<2>() * offset,
-                           frame, sweep->num_columns(), step);
+        cast = CastSection(source,
+                           on_axis + frame.leftCols<2>() * offset,
+                           frame,
+                           sweep->num_columns(),
+                           step);
         CHECK_GT(cast.Area(), 0)
             << sweep->name << ": no section of the part at u = " << u;
         if (k < 2) offset += cast.Centroid();
@@ -126,14 +131,15 @@ void FillFingerRows(const TemplateSolid& solid, Sweep* sweep) {
     for (int f = 0; f < 4; ++f) {
       const Tube& tube = solid.finger(f);
       const Vector3d direction = (tube.point[1] - tube.point[0]).normalized();
-      const double s = (along - (tube.point[0] - wrist).dot(solid.arm_along())) /
-                       direction.dot(solid.arm_along());
+      const double s =
+          (along - (tube.point[0] - wrist).dot(solid.arm_along())) /
+          direction.dot(solid.arm_along());
       const double length = (tube.point[1] - tube.point[0]).norm();
       if (s > length + 0.5 * tube.radius[1]) continue;
       const Vector3d point = tube.point[0] + s * direction - wrist;
       const double radius =
-          tube.radius[0] + std::clamp(s / length, 0.0, 1.0) *
-                               (tube.radius[1] - tube.radius[0]);
+          tube.radius[0] +
+          std::clamp(s / length, 0.0, 1.0) * (tube.radius[1] - tube.radius[0]);
       const double thumb = point.dot(solid.arm_thumb());
       const double palm = point.dot(solid.arm_palm());
       low = std::min(low, thumb - radius);
@@ -144,9 +150,11 @@ void FillFingerRows(const TemplateSolid& solid, Sweep* sweep) {
     CHECK_LT(low, high) << "no finger at u = " << u;
     sweep->center_offset.col(i) =
         Vector2d((low + high) / 2, (low_palm + high_palm) / 2);
-    const CrossSection section = CrossSection::Superellipse(
-        (high - low) / 2, (high_palm - low_palm) / 2, kExponent,
-        sweep->num_columns());
+    const CrossSection section =
+        CrossSection::Superellipse((high - low) / 2,
+                                   (high_palm - low_palm) / 2,
+                                   kExponent,
+                                   sweep->num_columns());
     sweep->radius.row(i) = Eigen::Map<const Eigen::RowVectorXd>(
         section.radii().data(), sweep->num_columns());
   }
@@ -178,60 +186,107 @@ std::vector<Sweep> TemplateSweeps(const TemplateSolid& solid,
   std::vector<Sweep> sweeps(kNumTemplateSweeps);
 
   Sweep trunk = MakeSweep(
-      "trunk", {kRoot, kSpine, kNeck, kHead, kHeadEnd}, front, 24,
-      {{-0.24, 0.5}, {-0.10, 0.5}, {0.05, 0.8}, {0.25, 0.8}, {0.50, 0.8},
-       {0.75, 0.8},  {1.00, 0.8},  {1.20, 0.8}, {1.35, 0.8}, {1.50, 0.5},
-       {1.64, 0.5},  {1.76, 0.5},  {1.86, 0.3}, {1.94, 0.3}, {2.10, 0.3},
+      "trunk",
+      {kRoot, kSpine, kNeck, kHead, kHeadEnd},
+      front,
+      24,
+      {{-0.24, 0.5}, {-0.10, 0.5}, {0.05, 0.8},  {0.25, 0.8},  {0.50, 0.8},
+       {0.75, 0.8},  {1.00, 0.8},  {1.20, 0.8},  {1.35, 0.8},  {1.50, 0.5},
+       {1.64, 0.5},  {1.76, 0.5},  {1.86, 0.3},  {1.94, 0.3},  {2.10, 0.3},
        {2.50, 0.3},  {2.90, 0.15}, {3.15, 0.15}, {3.40, 0.15}, {3.60, 0.15},
        {3.78, 0.15}, {3.90, 0.15}, {3.96, 0.15}});
   FillSections({[&](const Vector3d& p) { return solid.Trunk(p); },
                 [&](double u) -> Vector3d {
-                  static constexpr int kChain[] = {kRoot, kSpine, kNeck, kHead,
-                                                   kHeadEnd};
+                  static constexpr int kChain[] = {
+                      kRoot, kSpine, kNeck, kHead, kHeadEnd};
                   const int k = std::clamp(static_cast<int>(u), 0, 3);
                   const Vector3d& a = solid.joints()[kChain[k]];
                   const Vector3d& b = solid.joints()[kChain[k + 1]];
                   return a + (u - k) * (b - a);
                 }},
-               skeleton, root, step, kWhole, &trunk);
+               skeleton,
+               root,
+               step,
+               kWhole,
+               &trunk);
 
   Sweep arm = MakeSweep(
-      "l_arm", {kLShoulder, kLElbow, kLWrist, kLHandEnd}, front, 16,
-      {{0.00, 0.5}, {0.12, 0.5}, {0.25, 0.5}, {0.40, 1}, {0.55, 1},
-       {0.70, 1},   {0.85, 1},   {1.00, 1},   {1.12, 1}, {1.25, 1},
-       {1.40, 1},   {1.55, 1},   {1.70, 1},   {1.85, 1}, {2.00, 0.15},
+      "l_arm",
+      {kLShoulder, kLElbow, kLWrist, kLHandEnd},
+      front,
+      16,
+      {{0.00, 0.5},  {0.12, 0.5},  {0.25, 0.5},  {0.40, 1},    {0.55, 1},
+       {0.70, 1},    {0.85, 1},    {1.00, 1},    {1.12, 1},    {1.25, 1},
+       {1.40, 1},    {1.55, 1},    {1.70, 1},    {1.85, 1},    {2.00, 0.15},
        {2.15, 0.15}, {2.30, 0.15}, {2.45, 0.15}, {2.60, 0.15}, {2.75, 0.15},
        {2.88, 0.15}, {2.96, 0.15}});
   arm.rigid_end = true;
   FillSections({[&](const Vector3d& p) { return solid.Arm(p); },
                 [&](double u) { return solid.ArmCenter(std::min(u, 2.4)); }},
-               skeleton, root, step, kKnuckles, &arm);
+               skeleton,
+               root,
+               step,
+               kKnuckles,
+               &arm);
   FillFingerRows(solid, &arm);
 
-  Sweep leg = MakeSweep(
-      "l_leg", {kLHip, kLKnee, kLAnkle}, front, 16,
-      {{0.00, 0.5}, {0.10, 0.5}, {0.20, 0.5}, {0.32, 1}, {0.46, 1},
-       {0.60, 1},   {0.75, 1},   {0.88, 1},   {1.00, 1}, {1.10, 1},
-       {1.20, 1},   {1.32, 1},   {1.46, 1},   {1.60, 1}, {1.75, 1},
-       {1.88, 0.3}, {2.00, 0.3}});
+  Sweep leg = MakeSweep("l_leg",
+                        {kLHip, kLKnee, kLAnkle},
+                        front,
+                        16,
+                        {{0.00, 0.5},
+                         {0.10, 0.5},
+                         {0.20, 0.5},
+                         {0.32, 1},
+                         {0.46, 1},
+                         {0.60, 1},
+                         {0.75, 1},
+                         {0.88, 1},
+                         {1.00, 1},
+                         {1.10, 1},
+                         {1.20, 1},
+                         {1.32, 1},
+                         {1.46, 1},
+                         {1.60, 1},
+                         {1.75, 1},
+                         {1.88, 0.3},
+                         {2.00, 0.3}});
   FillSections({[&](const Vector3d& p) { return solid.Leg(p); },
                 [&](double u) { return solid.LegCenter(u); }},
-               skeleton, root, step, kWhole, &leg);
+               skeleton,
+               root,
+               step,
+               kWhole,
+               &leg);
 
-  Sweep foot = MakeSweep(
-      "l_foot", {kLAnkle, kLFootEnd}, Vector3d::UnitY(), 16,
-      {{-0.28, 0.15}, {-0.18, 0.15}, {-0.08, 0.15}, {0.04, 0.15}, {0.18, 0.15},
-       {0.34, 0.15},  {0.50, 0.15},  {0.66, 0.15},  {0.80, 0.15}, {0.90, 0.15},
-       {0.96, 0.15}});
+  Sweep foot = MakeSweep("l_foot",
+                         {kLAnkle, kLFootEnd},
+                         Vector3d::UnitY(),
+                         16,
+                         {{-0.28, 0.15},
+                          {-0.18, 0.15},
+                          {-0.08, 0.15},
+                          {0.04, 0.15},
+                          {0.18, 0.15},
+                          {0.34, 0.15},
+                          {0.50, 0.15},
+                          {0.66, 0.15},
+                          {0.80, 0.15},
+                          {0.90, 0.15},
+                          {0.96, 0.15}});
   foot.rigid_end = true;
   const Vector3d ankle_to_toe =
       solid.joints()[kLFootEnd] - solid.joints()[kLAnkle];
-  FillSections({[&](const Vector3d& p) { return solid.Foot(p); },
-                [&](double u) {
-                  return solid.FootCenter(
-                      u * ankle_to_toe.dot(solid.foot_forward()));
-                }},
-               skeleton, root, step, kWhole, &foot);
+  FillSections(
+      {[&](const Vector3d& p) { return solid.Foot(p); },
+       [&](double u) {
+         return solid.FootCenter(u * ankle_to_toe.dot(solid.foot_forward()));
+       }},
+      skeleton,
+      root,
+      step,
+      kWhole,
+      &foot);
 
   sweeps[kTrunkSweep] = trunk;
   sweeps[kLArmSweep] = arm;

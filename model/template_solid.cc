@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "model/cross_section.h"
@@ -60,8 +61,8 @@ TemplateSolid::TemplateSolid(
   arm_along_ = (joints_[kLHandEnd] - joints_[kLShoulder]).normalized();
   arm_thumb_ = Eigen::Vector3d::UnitZ();
   arm_palm_ = arm_along_.cross(arm_thumb_);
-  foot_forward_ = {std::sin(tables_.foot_toe_out), 0,
-                   std::cos(tables_.foot_toe_out)};
+  foot_forward_ = {
+      std::sin(tables_.foot_toe_out), 0, std::cos(tables_.foot_toe_out)};
   foot_lateral_ = Eigen::Vector3d::UnitY().cross(foot_forward_);
 
   // Sections are scaled until tapes around the solid read the targets.
@@ -70,8 +71,8 @@ TemplateSolid::TemplateSolid(
   for (int iteration = 0; iteration < kGirthIterations; ++iteration) {
     for (size_t i = 0; i < tables_.girths.size(); ++i) {
       const GirthTarget& target = tables_.girths[i];
-      girth_scale_[i] *= girth_factor[i] * target.girth * stature_ /
-                         MeasureGirth(target);
+      girth_scale_[i] *=
+          girth_factor[i] * target.girth * stature_ / MeasureGirth(target);
     }
     Build(girth_scale_);
   }
@@ -122,7 +123,10 @@ void TemplateSolid::Build(const std::vector<double>& girth_scale) {
     return sections;
   };
   auto upright = [&](const SectionTable& table, const std::string& part) {
-    return SectionStack(Eigen::Vector3d::Zero(), x, z, y,
+    return SectionStack(Eigen::Vector3d::Zero(),
+                        x,
+                        z,
+                        y,
                         metric(Scaled(table, part)),
                         table.round_start * stature_,
                         table.round_end * stature_);
@@ -133,28 +137,42 @@ void TemplateSolid::Build(const std::vector<double>& girth_scale) {
 
   std::vector<StackSection> arm = metric(Scaled(tables_.arm, "arm"));
   for (StackSection& section : arm) {
-    section.s = (ArmAxis(section.s / stature_) - joints_[kLShoulder])
-                    .dot(arm_along_);
+    section.s =
+        (ArmAxis(section.s / stature_) - joints_[kLShoulder]).dot(arm_along_);
   }
-  arm_ = SectionStack(joints_[kLShoulder], arm_thumb_, arm_palm_, arm_along_,
-                      arm, tables_.arm.round_start * stature_,
+  arm_ = SectionStack(joints_[kLShoulder],
+                      arm_thumb_,
+                      arm_palm_,
+                      arm_along_,
+                      arm,
+                      tables_.arm.round_start * stature_,
                       tables_.arm.round_end * stature_);
 
   std::vector<StackSection> leg = metric(Scaled(tables_.leg, "leg"));
   for (StackSection& section : leg) {
-    const Eigen::Vector3d axis =
-        LegAxis(section.s / stature_) - joints_[kLHip];
+    const Eigen::Vector3d axis = LegAxis(section.s / stature_) - joints_[kLHip];
     section.s = -axis.y();
     section.center_x += axis.x();
     section.center_y += axis.z();
   }
-  leg_ = SectionStack(joints_[kLHip], x, z, -y, leg,
+  leg_ = SectionStack(joints_[kLHip],
+                      x,
+                      z,
+                      -y,
+                      leg,
                       tables_.leg.round_start * stature_,
                       tables_.leg.round_end * stature_);
 
+  // Above, the legs are not felt on the surface.
+  leg_top_ =
+      joints_[kLHip].y() - leg_.start() + 2 * tables_.blend.leg * stature_;
+
   const Eigen::Vector3d& ankle = joints_[kLAnkle];
-  foot_ = SectionStack({ankle.x(), 0, ankle.z()}, foot_lateral_, y,
-                       foot_forward_, metric(Scaled(tables_.foot, "foot")),
+  foot_ = SectionStack({ankle.x(), 0, ankle.z()},
+                       foot_lateral_,
+                       y,
+                       foot_forward_,
+                       metric(Scaled(tables_.foot, "foot")),
                        tables_.foot.round_start * stature_,
                        tables_.foot.round_end * stature_);
 
@@ -170,8 +188,8 @@ void TemplateSolid::Build(const std::vector<double>& girth_scale) {
     Eigen::Vector3d tip = place(table.tip);
     // The tip's sphere ends at the given point.
     tip -= hand * table.radius.y() * (tip - root).normalized();
-    finger_[i] = {{root, tip}, {hand * table.radius.x(),
-                                hand * table.radius.y()}};
+    finger_[i] = {{root, tip},
+                  {hand * table.radius.x(), hand * table.radius.y()}};
   }
 
   trunk_blobs_.clear();
@@ -195,12 +213,17 @@ void TemplateSolid::Build(const std::vector<double>& girth_scale) {
 
 double TemplateSolid::Trunk(const Eigen::Vector3d& point) const {
   const TemplateBlend& blend = tables_.blend;
-  double trunk = trunk_.Distance(point);
-  for (const Blob& blob : trunk_blobs_) trunk = blob.Apply(trunk, point);
-  // Well below the shoulders there is nothing else to add.
+  // Parts too high or too low to be felt at the point are left out.
   const double reach = std::max(blend.neck, blend.head) * stature_;
-  if (point.y() < neck_.start() - reach) return trunk;
+  const double height = point.y();
+  double trunk = std::numeric_limits<double>::infinity();
+  if (height < trunk_.end() + reach) {
+    trunk = trunk_.Distance(point);
+    for (const Blob& blob : trunk_blobs_) trunk = blob.Apply(trunk, point);
+  }
+  if (height < neck_.start() - reach) return trunk;
   trunk = SmoothMin(trunk, neck_.Distance(point), blend.neck * stature_);
+  if (height < head_.start() - reach) return trunk;
   double head = head_.Distance(point);
   for (const Blob& blob : head_blobs_) head = blob.Apply(head, point);
   return SmoothMin(trunk, head, blend.head * stature_);
@@ -240,12 +263,12 @@ double TemplateSolid::Body(const Eigen::Vector3d& point) const {
   const Eigen::Vector3d left(std::abs(point.x()), point.y(), point.z());
   const Eigen::Vector3d right = Mirrored(left);
   // The arms are never near each other, the legs are near the mid plane.
-  const double arm =
-      SmoothMin(Arm(left), Hand(left), blend.finger * stature_);
+  const double arm = SmoothMin(Arm(left), Hand(left), blend.finger * stature_);
+  const double trunk = SmoothMin(Trunk(left), arm, blend.arm * stature_);
+  if (left.y() > leg_top_) return trunk;
   double leg = LegAndFoot(left);
   if (left.x() < kLegsReach * stature_)
     leg = SmoothMin(leg, LegAndFoot(right), blend.legs * stature_);
-  const double trunk = SmoothMin(Trunk(left), arm, blend.arm * stature_);
   return SmoothMin(trunk, leg, blend.leg * stature_);
 }
 
@@ -310,9 +333,10 @@ double TemplateSolid::MeasureGirth(const GirthTarget& target) const {
   std::vector<double> radii;
   for (int k = 0; k < kGirthRays; ++k) {
     const double theta = 2 * std::numbers::pi * k / kGirthRays;
-    radii.push_back(ExitDistance(
-        solid, center, std::cos(theta) * x + std::sin(theta) * y,
-        0.001 * stature_));
+    radii.push_back(ExitDistance(solid,
+                                 center,
+                                 std::cos(theta) * x + std::sin(theta) * y,
+                                 0.001 * stature_));
   }
   return CrossSection(radii).TapeGirth();
 }

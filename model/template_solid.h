@@ -74,6 +74,7 @@ class TemplateSolid {
   Eigen::Vector3d arm_along_, arm_thumb_, arm_palm_;
   Eigen::Vector3d foot_forward_, foot_lateral_;
   SectionStack trunk_, neck_, head_, arm_, leg_, foot_;
+  double leg_top_ = 0;
   std::vector<Blob> trunk_blobs_, head_blobs_, leg_blobs_;
   std::array<Tube, 5> finger_;
 };

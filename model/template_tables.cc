@@ -22,7 +22,8 @@ class TableReader {
   TableReader(std::string source, double sex)
       : source_(std::move(source)), sex_(sex) {}
 
-  [[noreturn]] void Fail(const YAML::Node& node, const std::string& what) const {
+  [[noreturn]] void Fail(const YAML::Node& node,
+                         const std::string& what) const {
     throw InputError(source_ + ": line " +
                      std::to_string(node.Mark().line + 1) + ": " + what);
   }
@@ -97,8 +98,12 @@ class TableReader {
     for (size_t i = 0; i < male.size(); ++i) {
       const Numbers row = Blend(female[i], male[i]);
       // With five numbers the section is centred across.
-      table.sections.push_back({row[0], row[1], row[2], row[3],
-                                size == 6 ? row[4] : 0, row[size - 1]});
+      table.sections.push_back({row[0],
+                                row[1],
+                                row[2],
+                                row[3],
+                                size == 6 ? row[4] : 0,
+                                row[size - 1]});
     }
     return table;
   }
@@ -131,8 +136,7 @@ void ReadDirections(const TableReader& reader,
               Eigen::Vector3d(-1, 1, 1));
       continue;
     }
-    const YAML::Node node =
-        reader.Key(map, std::string(kJointNames[joint]));
+    const YAML::Node node = reader.Key(map, std::string(kJointNames[joint]));
     const Eigen::Vector3d direction = Vector(reader.List(node, 3));
     if (direction.norm() < 1e-6) reader.Fail(node, "a direction is needed");
     tables->rest_direction[joint] = direction.normalized();
@@ -164,11 +168,11 @@ void ReadBlobs(const TableReader& reader,
     Blob& blob = table.blob;
     blob.center = {shape[0], shape[1], shape[2]};
     blob.radii = {shape[3], shape[4], shape[5]};
-    if (blob.radii.minCoeff() <= 0) reader.Fail(entry, "radii must be positive");
-    const double pitch =
-        Radians(reader.Number(reader.Key(entry, "pitch")));
-    blob.world_from_blob << 1, 0, 0,                  //
-        0, std::cos(pitch), -std::sin(pitch),         //
+    if (blob.radii.minCoeff() <= 0)
+      reader.Fail(entry, "radii must be positive");
+    const double pitch = Radians(reader.Number(reader.Key(entry, "pitch")));
+    blob.world_from_blob << 1, 0, 0,           //
+        0, std::cos(pitch), -std::sin(pitch),  //
         0, std::sin(pitch), std::cos(pitch);
     blob.blend_width = reader.Number(reader.Key(entry, "width"));
     blob.carve = entry["carve"] && entry["carve"].as<bool>();
@@ -240,16 +244,21 @@ TemplateTables TemplateTables::Parse(const std::string& text,
   auto width = [&](const char* key) {
     return reader.Number(reader.Key(blend, key));
   };
-  tables.blend = {width("neck"), width("head"),   width("arm"), width("leg"),
-                  width("foot"), width("finger"), width("legs")};
+  tables.blend = {width("neck"),
+                  width("head"),
+                  width("arm"),
+                  width("leg"),
+                  width("foot"),
+                  width("finger"),
+                  width("legs")};
   ReadGirths(reader, reader.Key(root, "girths"), &tables);
   ReadRings(reader, root, &tables);
   return tables;
 }
 
 TemplateTables TemplateTables::Default(double sex) {
-  return Parse(std::string(EmbeddedData("template.yaml")), "template.yaml",
-               sex);
+  return Parse(
+      std::string(EmbeddedData("template.yaml")), "template.yaml", sex);
 }
 
 }  // namespace sweepfit

@@ -54,10 +54,12 @@ class ComplexBuilder {
     const ChartCorner c = {at.column + 1, at.row + 1};
     const ChartCorner d = {at.column, at.row + 1};
     if (clockwise) {
-      AddQuad({low[column], high[column], high[next], low[next]}, chart,
+      AddQuad({low[column], high[column], high[next], low[next]},
+              chart,
               {a, d, c, b});
     } else {
-      AddQuad({low[column], low[next], high[next], high[column]}, chart,
+      AddQuad({low[column], low[next], high[next], high[column]},
+              chart,
               {a, b, c, d});
     }
   }
@@ -68,9 +70,8 @@ class ComplexBuilder {
 
 bool InArmPatch(int row, int column) {
   const int first = R::kHalfTrunk / 2 - R::kArmPatchColumns / 2;
-  return row >= R::kArmPatchRow &&
-         row < R::kArmPatchRow + R::kArmPatchRows && column >= first &&
-         column < first + R::kArmPatchColumns;
+  return row >= R::kArmPatchRow && row < R::kArmPatchRow + R::kArmPatchRows &&
+         column >= first && column < first + R::kArmPatchColumns;
 }
 
 void AddTrunk(ComplexBuilder& builder, HalfComplex& half) {
@@ -84,16 +85,20 @@ void AddTrunk(ComplexBuilder& builder, HalfComplex& half) {
       // Interior of the arm's opening: all four cells around are open.
       const bool open = InArmPatch(row, k) && InArmPatch(row - 1, k) &&
                         InArmPatch(row, k - 1) && InArmPatch(row - 1, k - 1);
-      ring.push_back(
-          open ? -1 : builder.Vertex(part, k == 0 || k == R::kHalfTrunk));
+      ring.push_back(open ? -1
+                          : builder.Vertex(part, k == 0 || k == R::kHalfTrunk));
     }
     half.trunk.push_back(ring);
   }
   for (int row = 0; row + 1 < R::kTrunkRows; ++row) {
     for (int k = 0; k < R::kHalfTrunk; ++k) {
       if (InArmPatch(row, k)) continue;
-      builder.AddCell(half.trunk, row, k, false,
-                      row < R::kNeckRow ? torso : head, {k, row});
+      builder.AddCell(half.trunk,
+                      row,
+                      k,
+                      false,
+                      row < R::kNeckRow ? torso : head,
+                      {k, row});
     }
   }
 }
@@ -136,7 +141,8 @@ std::vector<int> ArmHole(const HalfComplex& half) {
   for (int row = bottom + R::kArmPatchRows / 2; row > bottom; --row)
     loop.push_back(half.trunk[row][front]);
   for (int k = front; k < back; ++k) loop.push_back(half.trunk[bottom][k]);
-  for (int row = bottom; row < top; ++row) loop.push_back(half.trunk[row][back]);
+  for (int row = bottom; row < top; ++row)
+    loop.push_back(half.trunk[row][back]);
   for (int k = back; k > front; --k) loop.push_back(half.trunk[top][k]);
   for (int row = top; row > bottom + R::kArmPatchRows / 2; --row)
     loop.push_back(half.trunk[row][front]);
@@ -170,8 +176,12 @@ void AddArm(ComplexBuilder& builder, HalfComplex& half) {
     for (int j = 0; j < R::kArmColumns; ++j) {
       if (InThumbPatch(row, j)) continue;
       const int column = (j - seam + R::kArmColumns) % R::kArmColumns;
-      builder.AddCell(half.arm, row, j, false,
-                      row < R::kWristRow ? arm : palm, {column, row});
+      builder.AddCell(half.arm,
+                      row,
+                      j,
+                      false,
+                      row < R::kWristRow ? arm : palm,
+                      {column, row});
     }
   }
 }
@@ -196,12 +206,13 @@ void AddFinger(int finger,
   const int tip = builder.Vertex(BodyPart::kLHand);
   half.finger_tip[finger] = tip;
   const std::vector<int>& ring = grid.back();
-  static constexpr ChartCorner kAround[8] = {{0, 0}, {1, 0}, {2, 0}, {2, 1},
-                                             {2, 2}, {1, 2}, {0, 2}, {0, 1}};
+  static constexpr ChartCorner kAround[8] = {
+      {0, 0}, {1, 0}, {2, 0}, {2, 1}, {2, 2}, {1, 2}, {0, 2}, {0, 1}};
   for (int j = 0; j < count; j += 2) {
     const int before = (j + count - 1) % count;
     const int after = (j + 1) % count;
-    builder.AddQuad({ring[before], ring[j], ring[after], tip}, cap,
+    builder.AddQuad({ring[before], ring[j], ring[after], tip},
+                    cap,
                     {kAround[before], kAround[j], kAround[after], {1, 1}});
   }
 }
@@ -221,10 +232,16 @@ void AddFingers(ComplexBuilder& builder, HalfComplex& half) {
   const int last = R::kArmColumns - 1;
   const VertexGrid& arm = half.arm;
   AddFinger(4,
-            {arm[row][last], arm[row][0], arm[row][1], arm[row + 1][1],
-             arm[row + 2][1], arm[row + 2][0], arm[row + 2][last],
+            {arm[row][last],
+             arm[row][0],
+             arm[row][1],
+             arm[row + 1][1],
+             arm[row + 2][1],
+             arm[row + 2][0],
+             arm[row + 2][last],
              arm[row + 1][last]},
-            builder, half);
+            builder,
+            half);
 }
 
 void AddLeg(ComplexBuilder& builder, HalfComplex& half) {
@@ -239,17 +256,21 @@ void AddLeg(ComplexBuilder& builder, HalfComplex& half) {
   for (int i = R::kStripEdges - 1; i > 0; --i) first.push_back(half.strip[i]);
   half.leg.push_back(first);
   for (int row = 1; row <= R::kToeRow; ++row) {
-    half.leg.push_back(builder.Ring(
-        R::kLegColumns,
-        row > R::kAnkleRow ? BodyPart::kLFoot : BodyPart::kLLeg));
+    half.leg.push_back(
+        builder.Ring(R::kLegColumns,
+                     row > R::kAnkleRow ? BodyPart::kLFoot : BodyPart::kLLeg));
   }
   // Seam along the inside of the leg.
   const int seam = R::kHalfTrunk + R::kStripEdges / 2;
   for (int row = 0; row < R::kToeRow; ++row) {
     for (int j = 0; j < R::kLegColumns; ++j) {
       const int column = (j - seam + R::kLegColumns) % R::kLegColumns;
-      builder.AddCell(half.leg, row, j, true,
-                      row < R::kAnkleRow ? leg : foot, {column, row});
+      builder.AddCell(half.leg,
+                      row,
+                      j,
+                      true,
+                      row < R::kAnkleRow ? leg : foot,
+                      {column, row});
     }
   }
 }
@@ -285,11 +306,16 @@ void AddToeCap(ComplexBuilder& builder, HalfComplex& half) {
 
 BodyPart MirrorPart(BodyPart part) {
   switch (part) {
-    case BodyPart::kLArm: return BodyPart::kRArm;
-    case BodyPart::kLHand: return BodyPart::kRHand;
-    case BodyPart::kLLeg: return BodyPart::kRLeg;
-    case BodyPart::kLFoot: return BodyPart::kRFoot;
-    default: return part;
+    case BodyPart::kLArm:
+      return BodyPart::kRArm;
+    case BodyPart::kLHand:
+      return BodyPart::kRHand;
+    case BodyPart::kLLeg:
+      return BodyPart::kRLeg;
+    case BodyPart::kLFoot:
+      return BodyPart::kRFoot;
+    default:
+      return part;
   }
 }
 

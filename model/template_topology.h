@@ -16,14 +16,14 @@ struct TemplateRings {
   static constexpr int kTrunkColumns = 48;  // ring around the trunk
   static constexpr int kHalfTrunk = kTrunkColumns / 2;
   static constexpr int kTrunkRows = 90;
-  static constexpr int kNeckRow = 44;   // the head's chart begins here
-  static constexpr int kCapSide = 12;   // quads along a side of the crown cap
+  static constexpr int kNeckRow = 44;  // the head's chart begins here
+  static constexpr int kCapSide = 12;  // quads along a side of the crown cap
   static constexpr int kArmPatchColumns = 6;
   static constexpr int kArmPatchRows = 7;
   static constexpr int kArmPatchRow = 32;  // lowest row of the arm's opening
   static constexpr int kArmColumns = 2 * (kArmPatchColumns + kArmPatchRows);
   static constexpr int kWristRow = 44;
-  static constexpr int kPalmRow = 54;  // the knuckles, where fingers begin
+  static constexpr int kPalmRow = 54;   // the knuckles, where fingers begin
   static constexpr int kThumbRow = 48;  // first row of the thumb's opening
   static constexpr int kFingerRows = 10;
   static constexpr int kStripEdges = 8;  // across the crotch

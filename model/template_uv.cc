@@ -70,10 +70,10 @@ std::vector<Rectangle> MeasureCharts(
   for (size_t q = 0; q < half.quads.size(); ++q) {
     const auto& corner = half.quad_corner[q];
     // Counter-clockwise unless the first edge is followed by a right turn.
-    const int turn = (corner[1].column - corner[0].column) *
-                         (corner[2].row - corner[1].row) -
-                     (corner[1].row - corner[0].row) *
-                         (corner[2].column - corner[1].column);
+    const int turn =
+        (corner[1].column - corner[0].column) *
+            (corner[2].row - corner[1].row) -
+        (corner[1].row - corner[0].row) * (corner[2].column - corner[1].column);
     rectangles[half.quad_chart[q]].flip = turn < 0;
   }
   return rectangles;
@@ -112,10 +112,10 @@ double PackShelves(double scale, std::vector<Piece>* pieces) {
 
 // The largest scale at which all pieces fit into the unit square.
 double Pack(std::vector<Piece>* pieces) {
-  std::stable_sort(pieces->begin(), pieces->end(),
-                   [](const Piece& a, const Piece& b) {
-                     return a.height > b.height;
-                   });
+  std::stable_sort(
+      pieces->begin(), pieces->end(), [](const Piece& a, const Piece& b) {
+        return a.height > b.height;
+      });
   // Fitting is not quite monotone in the scale: try from large to small.
   double area = 0;
   for (const Piece& piece : *pieces) area += piece.width * piece.height;
@@ -137,8 +137,7 @@ std::vector<std::array<Eigen::Vector2f, 4>> UnrollCharts(
     const Rectangle& rectangle = rectangles[c];
     const double width = rectangle.width() * (symmetric ? 2 : 1);
     for (int side = 0; side < (symmetric ? 1 : 2); ++side) {
-      pieces.push_back(
-          {static_cast<int>(c), side, width, rectangle.height()});
+      pieces.push_back({static_cast<int>(c), side, width, rectangle.height()});
     }
   }
   const double scale = Pack(&pieces);

@@ -14,7 +14,6 @@ namespace sweepfit {
 // rectangle by the mean lengths of its rows and columns of edges; rectangles
 // are packed on shelves with a gutter of 16/2048 between them.
 std::vector<std::array<Eigen::Vector2f, 4>> UnrollCharts(
-    const HalfComplex& half,
-    const std::vector<Eigen::Vector3d>& half_vertices);
+    const HalfComplex& half, const std::vector<Eigen::Vector3d>& half_vertices);
 
 }  // namespace sweepfit
