@@ -20,8 +20,8 @@ constexpr int kMaxInfluences = 4;
 constexpr double kNegligibleWeight = 1e-3;
 // Neighbours whose weights differ by 1 are as bad as this share of the stature
 // of position error in every pose.
-constexpr double kSmoothnessShare = 0.006;
-constexpr int kSmoothingPasses = 4;
+constexpr double kSmoothnessShare = 0.02;
+constexpr int kSmoothingPasses = 8;
 // Left and right count as mirror images below this, metres.
 constexpr double kSymmetryTolerance = 1e-6;
 

@@ -31,8 +31,6 @@ constexpr double kDepthStep = 0.03;
 constexpr double kDepthTolerance = 0.01;
 // Detail finer than this comes from the best view, the rest from all, metres.
 constexpr double kDetailScale = 0.02;
-// Exponent that makes the best view win in the fine band.
-constexpr int kDetailSharpness = 8;
 // Views whose brightness is off the median by this share are doubted.
 constexpr double kDoubtfulLogRatio = 0.25;
 // Confidence from which nothing is filled in.
@@ -356,6 +354,7 @@ struct Observation {
   double weight = 0;   // quality times resolution
   Color color;         // linear, exposure corrected
   Color coarse;
+  float log_brightness = 0;
 };
 
 // Looks at a point (world) with a unit normal; false where the view says
@@ -422,36 +421,43 @@ void ObserveAll(const std::vector<PreparedView>& views,
   }
 }
 
-double LogBrightness(const Color& color) {
-  return std::log(std::max(1e-4f, color.sum()));
-}
-
 // Of three or more views those that disagree with the weighted median of the
-// brightness lose weight: they see a highlight, or something else.
+// brightness lose weight: they see a highlight, or something else. Sorts the
+// observations by brightness.
 void DoubtOutliers(std::vector<Observation>* observations) {
   if (observations->size() < 3) return;
-  std::vector<std::pair<double, double>> brightness;
   double total = 0;
-  for (const Observation& observation : *observations) {
-    brightness.emplace_back(LogBrightness(observation.coarse),
-                            observation.weight);
+  for (Observation& observation : *observations) {
+    observation.log_brightness =
+        std::log(std::max(1e-4f, observation.coarse.sum()));
     total += observation.weight;
   }
-  std::sort(brightness.begin(), brightness.end());
-  double median = brightness.back().first;
+  std::sort(observations->begin(),
+            observations->end(),
+            [](const Observation& a, const Observation& b) {
+              return a.log_brightness < b.log_brightness;
+            });
+  float median = observations->back().log_brightness;
   double sum = 0;
-  for (const auto& [value, weight] : brightness) {
-    sum += weight;
+  for (const Observation& observation : *observations) {
+    sum += observation.weight;
     if (sum >= 0.5 * total) {
-      median = value;
+      median = observation.log_brightness;
       break;
     }
   }
   for (Observation& observation : *observations) {
     const double off =
-        (LogBrightness(observation.coarse) - median) / kDoubtfulLogRatio;
+        (observation.log_brightness - median) / kDoubtfulLogRatio;
     observation.weight /= (1 + off * off) * (1 + off * off);
   }
+}
+
+// The power that makes the best view win in the fine band.
+float Eighth(float x) {
+  const float x2 = x * x;
+  const float x4 = x2 * x2;
+  return x4 * x4;
 }
 
 struct Blended {
@@ -478,7 +484,7 @@ Blended Blend(std::vector<Observation>* observations) {
   for (const Observation& observation : *observations) {
     const double share = observation.weight / best;
     const float weight = static_cast<float>(share);
-    const float sharp = static_cast<float>(std::pow(share, kDetailSharpness));
+    const float sharp = Eighth(weight);
     blended.coarse += weight * observation.coarse;
     detail += sharp * (observation.color - observation.coarse);
     total += weight;
