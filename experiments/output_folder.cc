@@ -39,12 +39,13 @@ void CheckWritable(const fs::path& temporary, const fs::path& folder) {
 }  // namespace
 
 OutputFolder::OutputFolder(const fs::path& folder, const std::string& marker) {
+  if (folder.empty()) throw InputError("the output folder has no name");
   std::error_code error;
   folder_ = fs::weakly_canonical(fs::absolute(folder), error);
   if (error) throw InputError(folder.string() + ": " + error.message());
   if (!folder_.has_filename()) folder_ = folder_.parent_path();
-  if (folder.empty() || !folder_.has_filename()) {
-    throw InputError("output folder '" + folder.string() + "': no usable name");
+  if (!folder_.has_filename()) {
+    throw InputError(folder.string() + ": cannot be an output folder");
   }
   CheckReplaceable(folder_, marker);
   temporary_ = Sibling("partial");

@@ -23,8 +23,9 @@ using ::testing::Not;
 
 // A result whose silhouettes are those of the fitted body itself.
 FitResult MakeResult() {
+  static const Body body = BuildTemplate({});
   FitResult result;
-  result.body = BuildTemplate({});
+  result.body = body;
   PoseResult& pose = result.poses.emplace_back();
   pose.name = "A";
   pose.pose.root_in_world = {0.3, 0.9, -0.2};
