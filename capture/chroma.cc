@@ -137,6 +137,7 @@ BackgroundDifference ChromaDifference(const cv::Mat3b& picture,
       }
     }
   }
+  result.squared_at_feet = result.squared;
   result.squared_unexplained = result.squared;
   result.background_linear =
       FillBehind(linear, result.squared, options.threshold_low);

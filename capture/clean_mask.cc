@@ -108,11 +108,29 @@ void FillFalseHoles(const BackgroundDifference& difference,
   *mask |= Select(holes, fill);
 }
 
+// The difference that counts: near the lowest part of the person (given
+// roughly), where feet meet the floor, the one that allows for their shadows.
+cv::Mat1f WithFeet(const BackgroundDifference& difference,
+                   const cv::Mat1b& rough) {
+  constexpr double kShare = 0.15;  // of the person's height
+  constexpr int kBelow = 8;        // px
+  cv::Mat1f squared = difference.squared.clone();
+  const cv::Rect person = cv::boundingRect(rough);
+  const int first = person.y + cvRound((1 - kShare) * person.height);
+  const int last = std::min(person.br().y + kBelow, rough.rows);
+  if (first < last) {
+    difference.squared_at_feet.rowRange(first, last)
+        .copyTo(squared.rowRange(first, last));
+  }
+  return squared;
+}
+
 }  // namespace
 
 cv::Mat1b PersonMask(const BackgroundDifference& difference,
                      const SegmentOptions& options) {
-  cv::Mat1b mask = KeepPerson(Hysteresis(difference.squared, options));
+  const cv::Mat1b rough = KeepPerson(Hysteresis(difference.squared, options));
+  cv::Mat1b mask = KeepPerson(Hysteresis(WithFeet(difference, rough), options));
   FillFalseHoles(difference, options, &mask);
   const cv::Mat cross = cv::getStructuringElement(cv::MORPH_CROSS, {3, 3});
   cv::morphologyEx(mask, mask, cv::MORPH_OPEN, cross);

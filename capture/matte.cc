@@ -13,7 +13,7 @@ namespace {
 // The mask's boundary lies where the first trace of the person shows, a little
 // outside of half coverage.
 constexpr int kBandInside = 3;   // px
-constexpr int kBandOutside = 1;  // px
+constexpr int kBandOutside = 2;  // px
 
 cv::Mat Disc(int radius) {
   return cv::getStructuringElement(cv::MORPH_ELLIPSE,

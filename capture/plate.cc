@@ -64,23 +64,38 @@ cv::Mat3b ApplyGain(const cv::Mat3b& plate, const cv::Vec3d& gain) {
   return result;
 }
 
+cv::Mat Square(int radius) {
+  return cv::getStructuringElement(cv::MORPH_RECT,
+                                   {2 * radius + 1, 2 * radius + 1});
+}
+
+// Change of ln light per pixel.
+cv::Mat1f Slope(const cv::Mat1f& log_light) {
+  constexpr double kSobelScale = 0.125;
+  cv::Mat1f dx, dy, slope;
+  cv::Sobel(
+      log_light, dx, CV_32F, 1, 0, 3, kSobelScale, 0, cv::BORDER_REPLICATE);
+  cv::Sobel(
+      log_light, dy, CV_32F, 0, 1, 3, kSobelScale, 0, cv::BORDER_REPLICATE);
+  cv::magnitude(dx, dy, slope);
+  return slope;
+}
+
 // The pixels that shadow or highlight can explain and that are joined to plain
 // background without crossing an edge: light changes softly across the plate,
 // whereas a garment that is a darker shade of the wall has an outline. (The
-// plate's own edges cancel in the ratio of picture and plate.)
+// plate's own edges cancel in the ratio of picture and plate.) An edge is where
+// ln light changes by more than `steepest` per pixel; gaps in it up to 2
+// `closing` pixels wide are closed.
 cv::Mat1b SoftlyLit(const cv::Mat1b& candidate,
                     const cv::Mat1b& plain,
-                    const cv::Mat1f& log_light) {
-  constexpr float kSteepest = 0.07f;        // change of ln light per px
+                    const cv::Mat1f& slope,
+                    float steepest,
+                    int closing) {
   constexpr double kSmallestShare = 0.002;  // of the picture, plain pixels
-  cv::Mat1f dx, dy, slope;
-  cv::Sobel(log_light, dx, CV_32F, 1, 0, 3, 0.125, 0, cv::BORDER_REPLICATE);
-  cv::Sobel(log_light, dy, CV_32F, 0, 1, 3, 0.125, 0, cv::BORDER_REPLICATE);
-  cv::magnitude(dx, dy, slope);
-  // Wide enough to close gaps of an outline.
-  const cv::Mat square = cv::getStructuringElement(cv::MORPH_RECT, {7, 7});
-  cv::dilate(slope, slope, square);
-  const cv::Mat1b smooth = slope < kSteepest;
+  cv::Mat1f widened;
+  cv::dilate(slope, widened, Square(closing));
+  const cv::Mat1b smooth = widened < steepest;
   const cv::Mat1b passable = plain | (candidate & smooth);
   cv::Mat1i label;
   const int count = cv::connectedComponents(passable, label, 4, CV_32S);
@@ -99,8 +114,7 @@ cv::Mat1b SoftlyLit(const cv::Mat1b& candidate,
     }
   }
   // Back, but not into the outline itself.
-  cv::dilate(
-      reached, reached, cv::getStructuringElement(cv::MORPH_RECT, {5, 5}));
+  cv::dilate(reached, reached, Square(std::max(1, closing - 2)));
   return reached & candidate;
 }
 
@@ -226,9 +240,16 @@ BackgroundDifference PlateDifference(const cv::Mat3b& picture,
     }
   }
   const cv::Mat1b plain = result.squared_unexplained < options.threshold_low;
-  const cv::Mat1b lit = SoftlyLit(candidate, plain, log_light);
-  result.squared = result.squared_unexplained.clone();
-  cv::Mat1f(cv::min(result.squared, explained)).copyTo(result.squared, lit);
+  const cv::Mat1f slope = Slope(log_light);
+  constexpr float kOutline = 0.07f, kOutlineAtFeet = 0.25f;
+  const auto explain = [&](const cv::Mat1b& lit) {
+    cv::Mat1f squared = result.squared_unexplained.clone();
+    cv::Mat1f(cv::min(squared, explained)).copyTo(squared, lit);
+    return squared;
+  };
+  result.squared = explain(SoftlyLit(candidate, plain, slope, kOutline, 3));
+  result.squared_at_feet =
+      explain(SoftlyLit(candidate, plain, slope, kOutlineAtFeet, 1));
   result.noise_ratio = noise.ratio;
   return result;
 }

@@ -12,6 +12,9 @@ struct BackgroundDifference {
   // Squared Mahalanobis distance to the background, shadows and highlights
   // explained; comparable with SegmentOptions::threshold_*.
   cv::Mat1f squared;
+  // The same for pixels near the feet, where shadows are darker and their
+  // edges steeper than an outline may be elsewhere.
+  cv::Mat1f squared_at_feet;
   // The same with nothing explained away.
   cv::Mat1f squared_unexplained;
   // What the picture would show without the person, linear light, BGR 0..1.

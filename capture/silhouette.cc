@@ -98,8 +98,10 @@ BackgroundDifference Combine(BackgroundDifference plate,
                              const BackgroundDifference& chroma,
                              const SegmentOptions& options) {
   const double cap = 4 * options.threshold_high;
-  plate.squared =
-      0.5 * cv::min(plate.squared, cap) + 0.5 * cv::min(chroma.squared, cap);
+  for (cv::Mat1f* squared : {&plate.squared, &plate.squared_at_feet}) {
+    *squared =
+        0.5 * cv::min(*squared, cap) + 0.5 * cv::min(chroma.squared, cap);
+  }
   return plate;
 }
 
