@@ -42,7 +42,7 @@ void ConsoleProgress::Stage(const std::string& stage,
 }
 
 void ConsoleProgress::Warning(const std::string& text) {
-  if (quiet_) return;
+  if (quiet_ || !warned_.insert(text).second) return;
   const std::string line = line_;
   Clear();
   std::fprintf(stderr, "  warning: %s\n", OneLine(text).c_str());

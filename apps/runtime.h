@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <memory>
+#include <set>
 #include <string>
 
 #include "apps/verbs.h"
@@ -26,7 +27,8 @@ class ConsoleProgress : public Progress {
  private:
   bool quiet_;
   bool terminal_;
-  std::string line_;  // what the changing line says now
+  std::string line_;              // what the changing line says now
+  std::set<std::string> warned_;  // no warning is shown twice
   std::chrono::steady_clock::time_point start_;
 };
 

@@ -52,5 +52,5 @@ for folder in "${folders[@]}"; do
 done
 
 say "Fitting ${#captures[@]} captures"
-python3 tests/accuracy_table.py --sweepfit build/release/sweepfit \
+/usr/bin/python3 tests/accuracy_table.py --sweepfit build/release/sweepfit \
   --validator "$validator" --out build/accuracy "${captures[@]}"
