@@ -63,15 +63,15 @@ Points2d BoundaryPoints(const cv::Mat1f& mask) {
   constexpr double kStep = 1.0 / kBoundarySteps;
   for (int row = 0; row + 1 < mask.rows; ++row) {
     for (int col = 0; col + 1 < mask.cols; ++col) {
-      const auto [low, high] = std::minmax(
-          {mask(row, col), mask(row, col + 1), mask(row + 1, col),
-           mask(row + 1, col + 1)});
+      const auto [low, high] = std::minmax({mask(row, col),
+                                            mask(row, col + 1),
+                                            mask(row + 1, col),
+                                            mask(row + 1, col + 1)});
       if (low >= 0.5f || high < 0.5f) continue;
       double value[kBoundarySteps + 1][kBoundarySteps + 1];
       for (int j = 0; j <= kBoundarySteps; ++j) {
         for (int i = 0; i <= kBoundarySteps; ++i) {
-          value[j][i] =
-              Bilinear(mask, col + i * kStep, row + j * kStep) - 0.5;
+          value[j][i] = Bilinear(mask, col + i * kStep, row + j * kStep) - 0.5;
         }
       }
       // Every cell owns its grid lines but the last, which its neighbour has.
@@ -120,8 +120,7 @@ class SampledCurve {
     constexpr size_t kNeighbours = 3;
     unsigned index[kNeighbours];
     double squared[kNeighbours];
-    const size_t found =
-        tree_.knnSearch(p.data(), kNeighbours, index, squared);
+    const size_t found = tree_.knnSearch(p.data(), kNeighbours, index, squared);
     double best = std::sqrt(squared[0]);
     const Eigen::Vector2d& a = cloud_.points[index[0]];
     for (size_t i = 1; i < found; ++i) {
@@ -153,9 +152,18 @@ double OverlapOverUnion(const cv::Mat1f& a, const cv::Mat1f& b) {
 
 // ------------------------------------------------------------------ joints
 
-constexpr std::array kLimbJoints = {kLShoulder, kLElbow, kLWrist, kRShoulder,
-                                    kRElbow,    kRWrist, kLHip,   kLKnee,
-                                    kLAnkle,    kRHip,   kRKnee,  kRAnkle};
+constexpr std::array kLimbJoints = {kLShoulder,
+                                    kLElbow,
+                                    kLWrist,
+                                    kRShoulder,
+                                    kRElbow,
+                                    kRWrist,
+                                    kLHip,
+                                    kLKnee,
+                                    kLAnkle,
+                                    kRHip,
+                                    kRKnee,
+                                    kRAnkle};
 
 // Bones inside the trunk's width depend on the rig more than on the person.
 bool IsComparedBone(int joint) {
@@ -186,8 +194,8 @@ std::vector<Eigen::Vector3d> SampleSurface(const TriangleMesh& mesh,
   double area = 0;
   for (const Triangle& t : mesh.triangles) {
     const Eigen::Vector3d& a = mesh.vertices[t[0]];
-    area += 0.5 *
-            (mesh.vertices[t[1]] - a).cross(mesh.vertices[t[2]] - a).norm();
+    area +=
+        0.5 * (mesh.vertices[t[1]] - a).cross(mesh.vertices[t[2]] - a).norm();
     cumulative.push_back(area);
   }
   CHECK_GT(area, 0);
@@ -286,7 +294,8 @@ JointPositions LoadTruthJoints(const std::filesystem::path& path) {
     const std::string name(kJointNames[j]);
     const std::string where = path.string() + ": joints." + name;
     const auto entry = document["joints"].find(name);
-    if (entry == document["joints"].end()) throw InputError(where + ": missing");
+    if (entry == document["joints"].end())
+      throw InputError(where + ": missing");
     if (!entry->is_array() || entry->size() != 3) {
       throw InputError(where + ": must be three numbers");
     }
@@ -316,9 +325,8 @@ SurfaceError CompareSurfaces(const TriangleMesh& mesh,
     const ClosestPointFinder::Result nearest = finder.Find(points[i]);
     const Triangle& t = truth.triangles[nearest.triangle];
     const Eigen::Vector3d& w = nearest.on_mesh.weights;
-    const Eigen::Vector3d normal = w[0] * normals[t[0]] +
-                                   w[1] * normals[t[1]] +
-                                   w[2] * normals[t[2]];
+    const Eigen::Vector3d normal =
+        w[0] * normals[t[0]] + w[1] * normals[t[1]] + w[2] * normals[t[2]];
     const bool inside = normal.dot(points[i] - nearest.on_mesh.point) < 0;
     distances[i] = nearest.distance;
     signed_distances[i] = inside ? -nearest.distance : nearest.distance;

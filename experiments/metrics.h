@@ -19,7 +19,7 @@ struct SilhouetteError {
   double iou = 0;            // sum min / sum max; 1 when both are empty
   double boundary_mean = 0;  // px, symmetric, between the 0.5 levels
   double boundary_p95 = 0;
-  double signed_mean = 0;    // px, positive: the first mask is larger
+  double signed_mean = 0;  // px, positive: the first mask is larger
 };
 // Masks of equal size. Boundary points less than two pixels from the frame do
 // not count: there the silhouette is cut, not bounded. The distances are

@@ -15,9 +15,7 @@ class Random {
   explicit Random(std::uint64_t seed) : engine_(seed) {}
 
   // In [0, 1).
-  double Uniform() {
-    return static_cast<double>(engine_() >> 11) * 0x1.0p-53;
-  }
+  double Uniform() { return static_cast<double>(engine_() >> 11) * 0x1.0p-53; }
   double Uniform(double low, double high) {
     return low + (high - low) * Uniform();
   }

@@ -63,9 +63,10 @@ Subject MakeSubject(const SyntheticOptions& options,
     // Free space along the normal, at two distances.
     double open = 0;
     for (double step : {0.03, 0.09}) {
-      open += 0.5 * std::clamp(
-                        body.Distance(v + step * subject.normals[i]) / step,
-                        0.0, 1.0);
+      open +=
+          0.5 * std::clamp(body.Distance(v + step * subject.normals[i]) / step,
+                           0.0,
+                           1.0);
     }
     subject.openness[i] = open;
   });
@@ -84,10 +85,10 @@ Subject MakeSubject(const SyntheticOptions& options,
     subject.normals[i] = world_from_canonical * subject.normals[i];
   }
   const double h = shape.stature;
-  const auto add_shadow = [&](const Vector3d& at, double radius,
-                              double strength) {
-    subject.shadows.push_back({at, radius, strength});
-  };
+  const auto add_shadow =
+      [&](const Vector3d& at, double radius, double strength) {
+        subject.shadows.push_back({at, radius, strength});
+      };
   for (const auto& [ankle, toe] :
        {std::pair(kLAnkle, kLFootEnd), std::pair(kRAnkle, kRFootEnd)}) {
     const Vector3d& a = subject.joint_in_world[ankle];
@@ -166,11 +167,9 @@ cv::Mat3b Expose(const cv::Mat3f& linear,
   for (int y = 0; y < linear.rows; ++y) {
     for (int x = 0; x < linear.cols; ++x) {
       for (int channel = 0; channel < 3; ++channel) {
-        const double v =
-            std::clamp(gain * linear(y, x)[channel], 0.0, 1.0);
-        const double srgb = v <= 0.0031308
-                                ? 12.92 * v
-                                : 1.055 * std::pow(v, 1 / 2.4) - 0.055;
+        const double v = std::clamp(gain * linear(y, x)[channel], 0.0, 1.0);
+        const double srgb =
+            v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1 / 2.4) - 0.055;
         const double level =
             255 * srgb + (noise > 0 ? noise * random->Normal() : 0.0);
         picture(y, x)[2 - channel] =
@@ -196,8 +195,7 @@ cv::Mat3f Compose(const Camera& camera,
       if (free <= 0) continue;
       const double shadow =
           room.Shadow(origin, RayForDrawing(camera, {x, y}), shadows);
-      picture(y, x) +=
-          free * static_cast<float>(shadow) * empty_room(y, x);
+      picture(y, x) += free * static_cast<float>(shadow) * empty_room(y, x);
     }
   }
   return picture;
@@ -216,8 +214,8 @@ void MakeFolder(const fs::path& folder) {
 void WritePicture(const fs::path& path, const cv::Mat& picture) {
   bool written = false;
   try {
-    written = cv::imwrite(path.string(), picture,
-                          {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
+    written = cv::imwrite(
+        path.string(), picture, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
   } catch (const cv::Exception&) {
     written = false;
   }
@@ -303,9 +301,9 @@ void WriteCamera(const Capture& capture,
                  Expose(picture, gain, options.noise, &random));
     cv::Mat1b mask;
     drawing.coverage.convertTo(mask, CV_8U, 255);
-    WritePicture(capture.folder / "truth" / pose.name / "masks" /
-                     (camera.id + ".png"),
-                 mask);
+    WritePicture(
+        capture.folder / "truth" / pose.name / "masks" / (camera.id + ".png"),
+        mask);
     if (!options.background) {
       WritePicture(capture.folder / pose.masks.at(camera.id), mask);
     }
@@ -361,12 +359,12 @@ Capture WriteSyntheticCapture(const fs::path& folder,
   for (const std::string& pose : options.poses) {
     subjects.push_back(MakeSubject(options, shape, outfit, pose));
     for (const Vector3d& v : subjects.back().mesh.vertices) {
-      ring.reach = std::max(
-          ring.reach, std::hypot(v.x() - place.x(), v.z() - place.z()));
+      ring.reach = std::max(ring.reach,
+                            std::hypot(v.x() - place.x(), v.z() - place.z()));
     }
   }
-  const Capture capture = DescribeCapture(
-      folder, options, DrawCameraRing(ring, options.seed));
+  const Capture capture =
+      DescribeCapture(folder, options, DrawCameraRing(ring, options.seed));
 
   if (progress) progress->Stage("synth", "pictures");
   for (const CapturePose& pose : capture.poses) {

@@ -12,16 +12,16 @@
 namespace sweepfit {
 
 struct SyntheticOptions {
-  unsigned seed = 1;          // the person: shape, colours, exact posture
-  int num_cameras = 16;       // on a ring, alternately high and low; with 16
-                              // or more every odd one is holdout
+  unsigned seed = 1;     // the person: shape, colours, exact posture
+  int num_cameras = 16;  // on a ring, alternately high and low; with 16
+                         // or more every odd one is holdout
   int width = 800;
   int height = 800;
   std::vector<std::string> poses = {"A"};  // A, T, N
-  double yaw_degrees = 10;    // turn of the person about the vertical
+  double yaw_degrees = 10;  // turn of the person about the vertical
   // Where the person stands, metres; the cameras and the room go along.
   double shift_x = 0, shift_z = 0;
-  double noise = 2;           // grey levels of sensor noise
+  double noise = 2;  // grey levels of sensor noise
   // true: a background plate per camera; false: given masks instead.
   bool background = true;
   std::optional<std::string> Check() const;

@@ -34,9 +34,9 @@ std::vector<Vector3d> PointsToSee(const CameraRing& ring) {
   for (int i = 0; i < 24; ++i) {
     const double angle = i * std::numbers::pi / 12;
     const auto add = [&](double radius, double height) {
-      points.push_back(ring.center_in_world +
-                       Vector3d(radius * std::sin(angle), height,
-                                radius * std::cos(angle)));
+      points.push_back(
+          ring.center_in_world +
+          Vector3d(radius * std::sin(angle), height, radius * std::cos(angle)));
     };
     add(0.22 * ring.stature, 0);
     add(ring.reach, 0.40 * ring.stature);
@@ -70,11 +70,10 @@ std::vector<Camera> DrawCameraRing(const CameraRing& ring, unsigned seed) {
         Vector3d(radius * std::sin(azimuth) + random.Spread(0.03),
                  (high ? 1.9 : 0.7) + random.Spread(0.03),
                  radius * std::cos(azimuth) + random.Spread(0.03));
-    const Vector3d target =
-        ring.center_in_world +
-        Vector3d(random.Spread(0.01),
-                 0.51 * ring.stature + random.Spread(0.01),
-                 random.Spread(0.01));
+    const Vector3d target = ring.center_in_world +
+                            Vector3d(random.Spread(0.01),
+                                     0.51 * ring.stature + random.Spread(0.01),
+                                     random.Spread(0.01));
     Eigen::Matrix3d world_from_camera;
     world_from_camera.col(2) = (target - place).normalized();
     world_from_camera.col(0) =
@@ -86,15 +85,19 @@ std::vector<Camera> DrawCameraRing(const CameraRing& ring, unsigned seed) {
     camera.camera_from_world =
         (world_from_camera * roll.toRotationMatrix()).transpose();
     camera.world_in_camera = -camera.camera_from_world * place;
-    camera.distortion = {random.Spread(0.03), random.Spread(0.005),
-                         random.Spread(0.0003), random.Spread(0.0003), 0};
+    camera.distortion = {random.Spread(0.03),
+                         random.Spread(0.005),
+                         random.Spread(0.0003),
+                         random.Spread(0.0003),
+                         0};
 
     // The longest focal length that keeps everything in the picture.
     double widest = 0;
     for (const Vector3d& p : points) {
       const Vector3d c = camera.PointInCamera(p);
       const Vector2d n = DistortNormalized(camera, c.head<2>() / c.z());
-      widest = std::max({widest, std::abs(n.x()) / ring.width,
+      widest = std::max({widest,
+                         std::abs(n.x()) / ring.width,
                          std::abs(n.y()) / ring.height});
     }
     const double focal = kFill * 0.5 / widest;

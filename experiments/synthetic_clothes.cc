@@ -80,8 +80,7 @@ double ValueNoise(const Vector3d& point, std::uint32_t seed) {
   for (int corner = 0; corner < 8; ++corner) {
     const int i = corner & 1, j = corner >> 1 & 1, k = corner >> 2;
     sum += (i ? w.x() : 1 - w.x()) * (j ? w.y() : 1 - w.y()) *
-           (k ? w.z() : 1 - w.z()) *
-           LatticeValue(x + i, y + j, z + k, seed);
+           (k ? w.z() : 1 - w.z()) * LatticeValue(x + i, y + j, z + k, seed);
   }
   return sum;
 }
@@ -140,10 +139,9 @@ double Outfit::InsideShirt(const Vector3d& p) const {
   const double neckline =
       neckline_y_ - 0.45 * std::max(0.0, p.z() - rest_[kNeck].z());
   const double shoulder = rest_[kLShoulder].x();
-  const double below_neckline =
-      std::abs(p.x()) > 0.7 * shoulder
-          ? 1.0
-          : neckline + 0.2 * std::abs(p.x()) - p.y();
+  const double below_neckline = std::abs(p.x()) > 0.7 * shoulder
+                                    ? 1.0
+                                    : neckline + 0.2 * std::abs(p.x()) - p.y();
   return std::min({above_hem, in_sleeve, below_neckline});
 }
 
@@ -184,17 +182,17 @@ double Outfit::Thickness(const Vector3d& p) const {
   double thickness = 0;
   if (shirt > -kEdge || trousers > -kEdge) {
     const double folds =
-        fold_height_ *
-        (0.7 * ValueNoise(p.cwiseProduct(Vector3d(14, 7, 14)),
-                          noise_seed_ + 4) +
-         0.5 * ValueNoise(p * 26, noise_seed_ + 5));
+        fold_height_ * (0.7 * ValueNoise(p.cwiseProduct(Vector3d(14, 7, 14)),
+                                         noise_seed_ + 4) +
+                        0.5 * ValueNoise(p * 26, noise_seed_ + 5));
     // Loose shirts hang away from the waist.
-    const double flare =
-        1 + 0.5 * SmoothStep(0.2, 0.0, p.y() - hem_y_) *
-                (p.y() < rest_[kLShoulder].y() - 0.1);
+    const double flare = 1 + 0.5 * SmoothStep(0.2, 0.0, p.y() - hem_y_) *
+                                 (p.y() < rest_[kLShoulder].y() - 0.1);
     thickness = std::max(
-        layer(shirt, shirt_thickness_ * flare + trousers_thickness_ *
-                         SmoothStep(0.01, -0.01, -trousers) + folds),
+        layer(shirt,
+              shirt_thickness_ * flare +
+                  trousers_thickness_ * SmoothStep(0.01, -0.01, -trousers) +
+                  folds),
         layer(trousers, trousers_thickness_ + folds));
   }
   thickness = std::max(thickness, layer(InsideShoe(p), 0.004));
@@ -229,8 +227,7 @@ Vector3d Outfit::SkinColor(const Vector3d& p) const {
   if (in_ellipse(0.0165, 0.0265, 0.0068, 0.0034)) return {0.75, 0.73, 0.7};
   if (in_ellipse(0, -0.0065, 0.0125, 0.0045)) {
     const bool between = std::abs(q.y() + 0.0065) < 0.0008;
-    return color.cwiseProduct(Vector3d(0.85, 0.5, 0.5)) *
-           (between ? 0.4 : 1.0);
+    return color.cwiseProduct(Vector3d(0.85, 0.5, 0.5)) * (between ? 0.4 : 1.0);
   }
   return color;
 }
@@ -251,8 +248,8 @@ Vector3d Outfit::ShirtColor(const Vector3d& p) const {
   if (pattern_ == 0) {
     const double y = p.y() - (rest_[kNeck].y() - 0.12 * shape_.stature);
     const double r = std::hypot(p.x(), y) / (0.05 * shape_.stature);
-    second = p.z() > 0 && r < 1 && (r > 0.82 || std::abs(p.x()) < 0.008 ||
-                                    (y > 0 && y < 0.015));
+    second = p.z() > 0 && r < 1 &&
+             (r > 0.82 || std::abs(p.x()) < 0.008 || (y > 0 && y < 0.015));
     second = second || (arms > 0 && sleeve_x_ - std::abs(p.x()) < 0.02);
   }
   return weave * (second ? shirt_second_ : shirt_);
@@ -276,8 +273,8 @@ Vector3d Outfit::Color(const Vector3d& p) const {
     }
     case kHair: {
       const Vector3d strands(160, 18, 160);
-      return hair_ * (1 + 0.45 * ValueNoise(p.cwiseProduct(strands),
-                                            noise_seed_ + 16));
+      return hair_ *
+             (1 + 0.45 * ValueNoise(p.cwiseProduct(strands), noise_seed_ + 16));
     }
     case kSkin:
       break;

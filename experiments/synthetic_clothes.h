@@ -46,7 +46,7 @@ class Outfit {
   double sleeve_x_, neckline_y_, hem_y_, trousers_y_, shoe_y_;
   double shirt_thickness_, trousers_thickness_, hair_thickness_;
   double fold_height_, bump_height_;
-  int pattern_;         // 0 plain with a print, 1 stripes, 2 checks
+  int pattern_;  // 0 plain with a print, 1 stripes, 2 checks
   double stripe_width_;
   Eigen::Vector3d skin_, shirt_, shirt_second_, trousers_, shoe_, hair_;
 };

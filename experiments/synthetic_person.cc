@@ -25,11 +25,28 @@ struct SideJoints {
   double sign;  // +1 left (+X)
   BodyGroup arm, leg;
 };
-constexpr std::array<SideJoints, 2> kSides = {
-    {{kLShoulder, kLElbow, kLWrist, kLHandEnd, kLHip, kLKnee, kLAnkle,
-      kLFootEnd, 1, kLArmGroup, kLLegGroup},
-     {kRShoulder, kRElbow, kRWrist, kRHandEnd, kRHip, kRKnee, kRAnkle,
-      kRFootEnd, -1, kRArmGroup, kRLegGroup}}};
+constexpr std::array<SideJoints, 2> kSides = {{{kLShoulder,
+                                                kLElbow,
+                                                kLWrist,
+                                                kLHandEnd,
+                                                kLHip,
+                                                kLKnee,
+                                                kLAnkle,
+                                                kLFootEnd,
+                                                1,
+                                                kLArmGroup,
+                                                kLLegGroup},
+                                               {kRShoulder,
+                                                kRElbow,
+                                                kRWrist,
+                                                kRHandEnd,
+                                                kRHip,
+                                                kRKnee,
+                                                kRAnkle,
+                                                kRFootEnd,
+                                                -1,
+                                                kRArmGroup,
+                                                kRLegGroup}}};
 
 double Mix(double a, double b, double t) { return a + t * (b - a); }
 
@@ -94,8 +111,8 @@ double ArmAngle(const PersonShape& shape, const std::string& pose) {
                      std::abs(shape.rest_offset[kLWrist].x());
   const double hip_breadth =
       shape.stature * (0.108 * shape.trunk_breadth + 0.022);
-  const double clear = hip_breadth + 0.055 * shape.stature -
-                       shape.rest_offset[kLShoulder].x();
+  const double clear =
+      hip_breadth + 0.055 * shape.stature - shape.rest_offset[kLShoulder].x();
   return std::max(13.0, std::asin(std::min(0.5, clear / arm)) / kDegree);
 }
 
@@ -121,10 +138,9 @@ void PoseArm(const PersonShape& shape,
   frame[side.shoulder] = ArmFrame(side.sign, upper, trunk_forward);
   PlaceChild(shape, side.elbow, person);
   const double bend = random->Uniform(5, 20) * kDegree;
-  const Vector3d fore = std::cos(bend) * upper +
-                        std::sin(bend) * frame[side.shoulder].col(2);
-  frame[side.elbow] =
-      ArmFrame(side.sign, fore, frame[side.shoulder].col(2));
+  const Vector3d fore =
+      std::cos(bend) * upper + std::sin(bend) * frame[side.shoulder].col(2);
+  frame[side.elbow] = ArmFrame(side.sign, fore, frame[side.shoulder].col(2));
   PlaceChild(shape, side.wrist, person);
   frame[side.wrist] = frame[side.elbow] *
                       Turn(random->Spread(5), Vector3d::UnitZ()) *
@@ -152,8 +168,7 @@ void PoseLegs(const PersonShape& shape, Random* random, PosedPerson* person) {
         std::sqrt(reach * reach - std::pow(ankle[i].x() - hip.x(), 2) -
                   std::pow(ankle[i].z() - hip.z(), 2));
     root_above_ankle = std::min(
-        root_above_ankle,
-        drop - (hip.y() - person->joint_in_world[kRoot].y()));
+        root_above_ankle, drop - (hip.y() - person->joint_in_world[kRoot].y()));
   }
   const double floor = person->joint_in_world[kRoot].y() - root_above_ankle -
                        kAnkleHeight * stature;
@@ -164,14 +179,14 @@ void PoseLegs(const PersonShape& shape, Random* random, PosedPerson* person) {
     const Vector3d& hip = person->joint_in_world[side.hip];
     ankle[i].y() = kAnkleHeight * stature;
     const double toe_out = random->Uniform(5, 16) * side.sign;
-    const Vector3d forward(std::sin(toe_out * kDegree), 0,
-                           std::cos(toe_out * kDegree));
+    const Vector3d forward(
+        std::sin(toe_out * kDegree), 0, std::cos(toe_out * kDegree));
     const double thigh = shape.rest_offset[side.knee].norm();
     const double shank = shape.rest_offset[side.ankle].norm();
     const Vector3d line = ankle[i] - hip;
     const double length = line.norm();
-    const double along = (thigh * thigh - shank * shank + length * length) /
-                         (2 * length);
+    const double along =
+        (thigh * thigh - shank * shank + length * length) / (2 * length);
     const double out = std::sqrt(std::max(0.0, thigh * thigh - along * along));
     const Vector3d axis = line / length;
     const Vector3d knee_direction =
@@ -215,9 +230,8 @@ class PartBuilder {
     part.a = a;
     part.radius_a = unit_ * radius_a;
     part.radius_b = unit_ * radius_b;
-    part.stretched_from_world =
-        axes.cwiseInverse().asDiagonal() *
-        person_->world_from_joint[bone].transpose();
+    part.stretched_from_world = axes.cwiseInverse().asDiagonal() *
+                                person_->world_from_joint[bone].transpose();
     part.stretched_axis = part.stretched_from_world * (b - a);
     part.blend = unit_ * blend;
     person_->parts[group].push_back(part);
@@ -228,7 +242,13 @@ class PartBuilder {
                  const Vector3d& center,
                  const Vector3d& radii,
                  double blend) {
-    Limb(group, bone, center, 1 / unit_, center, 1 / unit_, blend,
+    Limb(group,
+         bone,
+         center,
+         1 / unit_,
+         center,
+         1 / unit_,
+         blend,
          unit_ * radii);
   }
 
@@ -242,46 +262,73 @@ void AddTrunk(const PersonShape& shape, PosedPerson* person) {
   const double w = shape.trunk_breadth, d = shape.trunk_depth;
   const double female = 1 - shape.sex;
   const double fat = std::max(0.0, shape.body_mass_index / 22 - 1.05);
-  add.Ellipsoid(kTrunkGroup, kRoot, add.At(kRoot, 0, 0.02, -0.004),
-                {w * Mix(0.098, 0.092, shape.sex), 0.085, 0.066 * d}, 0);
+  add.Ellipsoid(kTrunkGroup,
+                kRoot,
+                add.At(kRoot, 0, 0.02, -0.004),
+                {w * Mix(0.098, 0.092, shape.sex), 0.085, 0.066 * d},
+                0);
   for (const SideJoints& side : kSides) {
-    add.Ellipsoid(kTrunkGroup, kRoot,
+    add.Ellipsoid(kTrunkGroup,
+                  kRoot,
                   add.At(kRoot, side.sign * 0.046 * w, -0.012, -0.034 * d),
-                  {0.050 * w, 0.056, 0.044 * d}, 0.03);
+                  {0.050 * w, 0.056, 0.044 * d},
+                  0.03);
   }
-  add.Ellipsoid(kTrunkGroup, kSpine,
-                add.At(kSpine, 0, 0.015, 0.003 + 0.045 * fat),
-                {w * Mix(0.078, 0.086, shape.sex), 0.11, 0.058 * d + 0.05 * fat},
+  add.Ellipsoid(
+      kTrunkGroup,
+      kSpine,
+      add.At(kSpine, 0, 0.015, 0.003 + 0.045 * fat),
+      {w * Mix(0.078, 0.086, shape.sex), 0.11, 0.058 * d + 0.05 * fat},
+      0.06);
+  add.Ellipsoid(kTrunkGroup,
+                kSpine,
+                add.At(kSpine, 0, 0.112, 0.0),
+                {w * Mix(0.083, 0.092, shape.sex), 0.108, 0.064 * d},
                 0.06);
-  add.Ellipsoid(kTrunkGroup, kSpine, add.At(kSpine, 0, 0.112, 0.0),
-                {w * Mix(0.083, 0.092, shape.sex), 0.108, 0.064 * d}, 0.06);
   for (const SideJoints& side : kSides) {
     const double s = side.sign;
     const Vector3d& shoulder = person->joint_in_world[side.shoulder];
     // Shoulder girdle and the slope from neck to shoulder.
-    add.Limb(kTrunkGroup, kSpine, add.At(kSpine, s * 0.02, 0.172, -0.008),
-             0.042, 0.85 * shoulder +
-                        0.15 * add.At(kSpine, s * 0.02, 0.172, -0.008),
-             0.031, 0.03, {1, 1, 1.05});
-    add.Limb(kTrunkGroup, kNeck, add.At(kNeck, s * 0.008, 0.022, -0.004), 0.021,
-             0.72 * shoulder + 0.28 * person->joint_in_world[kNeck], 0.023,
+    add.Limb(kTrunkGroup,
+             kSpine,
+             add.At(kSpine, s * 0.02, 0.172, -0.008),
+             0.042,
+             0.85 * shoulder + 0.15 * add.At(kSpine, s * 0.02, 0.172, -0.008),
+             0.031,
+             0.03,
+             {1, 1, 1.05});
+    add.Limb(kTrunkGroup,
+             kNeck,
+             add.At(kNeck, s * 0.008, 0.022, -0.004),
+             0.021,
+             0.72 * shoulder + 0.28 * person->joint_in_world[kNeck],
+             0.023,
              0.025);
     const double muscle = 0.012 + 0.012 * shape.sex * (1 - shape.childhood);
-    add.Ellipsoid(kTrunkGroup, kSpine,
+    add.Ellipsoid(kTrunkGroup,
+                  kSpine,
                   add.At(kSpine, s * 0.042, 0.128, 0.050 * d),
-                  {0.045, 0.036, muscle}, 0.02);
+                  {0.045, 0.036, muscle},
+                  0.02);
     if (shape.bust > 0) {
       const double bust = shape.bust * female;
-      add.Ellipsoid(kTrunkGroup, kSpine,
+      add.Ellipsoid(kTrunkGroup,
+                    kSpine,
                     add.At(kSpine, s * 0.042, 0.108, 0.046 * d + 0.008 * bust),
-                    {0.038, 0.038, 0.014 + 0.024 * bust}, 0.02);
+                    {0.038, 0.038, 0.014 + 0.024 * bust},
+                    0.02);
     }
   }
   const double neck = Mix(0.0285, 0.0345, shape.sex) *
                       std::sqrt(shape.arm_girth) *
                       Mix(1, 0.95, shape.childhood);
-  add.Limb(kTrunkGroup, kNeck, add.At(kNeck, 0, -0.015, 0.008), neck * 1.06,
-           add.At(kHead, 0, 0.01, 0.004), neck * 0.95, 0.025);
+  add.Limb(kTrunkGroup,
+           kNeck,
+           add.At(kNeck, 0, -0.015, 0.008),
+           neck * 1.06,
+           add.At(kHead, 0, 0.01, 0.004),
+           neck * 0.95,
+           0.025);
 }
 
 void AddHead(const PersonShape& shape, PosedPerson* person) {
@@ -289,25 +336,48 @@ void AddHead(const PersonShape& shape, PosedPerson* person) {
   const auto at = [&](double x, double y, double z) {
     return add.At(kHead, x, y, z);
   };
-  add.Ellipsoid(kTrunkGroup, kHead, at(0, 0.045, 0.004),
-                {0.0435, 0.051, 0.056}, 0.012);
-  add.Ellipsoid(kTrunkGroup, kHead, at(0, 0.008, 0.022),
-                {0.036, 0.046, 0.036}, 0.02);
-  add.Limb(kTrunkGroup, kHead, at(-0.008, -0.023, 0.044), 0.0125,
-           at(0.008, -0.023, 0.044), 0.0125, 0.015);
-  add.Limb(kTrunkGroup, kHead, at(-0.018, 0.036, 0.049), 0.008,
-           at(0.018, 0.036, 0.049), 0.008, 0.01);
-  add.Limb(kTrunkGroup, kHead, at(0, 0.028, 0.0575), 0.0045, at(0, 0.010, 0.066),
-           0.0078, 0.006);
-  add.Limb(kTrunkGroup, kHead, at(-0.009, -0.006, 0.0525), 0.006,
-           at(0.009, -0.006, 0.0525), 0.006, 0.006);
+  add.Ellipsoid(
+      kTrunkGroup, kHead, at(0, 0.045, 0.004), {0.0435, 0.051, 0.056}, 0.012);
+  add.Ellipsoid(
+      kTrunkGroup, kHead, at(0, 0.008, 0.022), {0.036, 0.046, 0.036}, 0.02);
+  add.Limb(kTrunkGroup,
+           kHead,
+           at(-0.008, -0.023, 0.044),
+           0.0125,
+           at(0.008, -0.023, 0.044),
+           0.0125,
+           0.015);
+  add.Limb(kTrunkGroup,
+           kHead,
+           at(-0.018, 0.036, 0.049),
+           0.008,
+           at(0.018, 0.036, 0.049),
+           0.008,
+           0.01);
+  add.Limb(kTrunkGroup,
+           kHead,
+           at(0, 0.028, 0.0575),
+           0.0045,
+           at(0, 0.010, 0.066),
+           0.0078,
+           0.006);
+  add.Limb(kTrunkGroup,
+           kHead,
+           at(-0.009, -0.006, 0.0525),
+           0.006,
+           at(0.009, -0.006, 0.0525),
+           0.006,
+           0.006);
   for (const SideJoints& side : kSides) {
-    add.Ellipsoid(kTrunkGroup, kHead, at(side.sign * 0.0435, 0.014, -0.006),
-                  {0.0065, 0.018, 0.011}, 0.005);
+    add.Ellipsoid(kTrunkGroup,
+                  kHead,
+                  at(side.sign * 0.0435, 0.014, -0.006),
+                  {0.0065, 0.018, 0.011},
+                  0.005);
   }
   if (shape.long_hair) {
-    add.Ellipsoid(kTrunkGroup, kHead, at(0, 0.012, -0.026),
-                  {0.044, 0.070, 0.036}, 0.02);
+    add.Ellipsoid(
+        kTrunkGroup, kHead, at(0, 0.012, -0.026), {0.044, 0.070, 0.036}, 0.02);
   }
 }
 
@@ -319,16 +389,35 @@ void AddArm(const PersonShape& shape,
   const BodyGroup arm = side.arm;
   const auto& joint = person->joint_in_world;
   const double elbow = 0.0238 * std::sqrt(g);
-  add.Limb(arm, side.shoulder, add.At(side.shoulder, s * 0.008, 0, 0),
-           0.0285 * g, joint[side.elbow], elbow, 0);
-  add.Ellipsoid(arm, side.shoulder, add.At(side.shoulder, s * 0.012, 0.004, 0),
-                Vector3d(0.038, 0.031, 0.031) * g, 0.02);
-  add.Ellipsoid(arm, side.shoulder, add.At(side.shoulder, s * 0.085, 0, 0.005),
-                {0.050, 0.0265 * g, 0.028 * g}, 0.02);
-  add.Limb(arm, side.elbow, joint[side.elbow], elbow, joint[side.wrist],
-           0.0162 * std::sqrt(g), 0.012);
-  add.Ellipsoid(arm, side.elbow, add.At(side.elbow, s * 0.042, 0, 0.003),
-                {0.045, 0.0260 * g, 0.0275 * g}, 0.015);
+  add.Limb(arm,
+           side.shoulder,
+           add.At(side.shoulder, s * 0.008, 0, 0),
+           0.0285 * g,
+           joint[side.elbow],
+           elbow,
+           0);
+  add.Ellipsoid(arm,
+                side.shoulder,
+                add.At(side.shoulder, s * 0.012, 0.004, 0),
+                Vector3d(0.038, 0.031, 0.031) * g,
+                0.02);
+  add.Ellipsoid(arm,
+                side.shoulder,
+                add.At(side.shoulder, s * 0.085, 0, 0.005),
+                {0.050, 0.0265 * g, 0.028 * g},
+                0.02);
+  add.Limb(arm,
+           side.elbow,
+           joint[side.elbow],
+           elbow,
+           joint[side.wrist],
+           0.0162 * std::sqrt(g),
+           0.012);
+  add.Ellipsoid(arm,
+                side.elbow,
+                add.At(side.elbow, s * 0.042, 0, 0.003),
+                {0.045, 0.0260 * g, 0.0275 * g},
+                0.015);
   // A mitten of three merged fingers, and a thumb on the front side.
   const double scale =
       std::abs(shape.rest_offset[side.hand_end].x()) / (0.110 * shape.stature);
@@ -337,8 +426,11 @@ void AddArm(const PersonShape& shape,
   const auto at = [&](double x, double y, double z) {
     return hand.At(side.wrist, s * x, y, z);
   };
-  const auto bone = [&](const Vector3d& a, double radius_a, const Vector3d& b,
-                        double radius_b, double blend) {
+  const auto bone = [&](const Vector3d& a,
+                        double radius_a,
+                        const Vector3d& b,
+                        double radius_b,
+                        double blend) {
     hand.Limb(arm, side.wrist, a, radius_a, b, radius_b, blend, flat);
   };
   bone(at(0.000, 0, 0.006), 0.0145, at(0.050, 0, 0.013), 0.0125, 0.012);
@@ -346,8 +438,13 @@ void AddArm(const PersonShape& shape,
   bone(at(0.050, 0, 0.014), 0.0100, at(0.097, -0.004, 0.010), 0.0075, 0.005);
   bone(at(0.050, 0, 0.000), 0.0105, at(0.103, -0.004, 0.000), 0.0078, 0.005);
   bone(at(0.048, 0, -0.012), 0.0100, at(0.090, -0.004, -0.010), 0.0072, 0.005);
-  hand.Limb(arm, side.wrist, at(0.014, -0.003, 0.014), 0.0110,
-            at(0.046, -0.007, 0.037), 0.0075, 0.008);
+  hand.Limb(arm,
+            side.wrist,
+            at(0.014, -0.003, 0.014),
+            0.0110,
+            at(0.046, -0.007, 0.037),
+            0.0075,
+            0.008);
 }
 
 void AddLeg(const PersonShape& shape,
@@ -358,30 +455,74 @@ void AddLeg(const PersonShape& shape,
   const BodyGroup leg = side.leg;
   const auto& joint = person->joint_in_world;
   const double knee = 0.0300 * std::sqrt(g);
-  add.Limb(leg, side.hip, add.At(side.hip, s * 0.004, -0.012, 0),
-           g * Mix(0.054, 0.051, shape.sex), joint[side.knee], knee, 0);
-  add.Ellipsoid(leg, side.hip, add.At(side.hip, s * 0.004, -0.095, 0.008),
-                {0.044 * g, 0.10, 0.046 * g}, 0.03);
-  add.Limb(leg, side.knee, joint[side.knee], knee,
-           add.At(side.ankle, 0, 0.012, -0.002), 0.0190, 0.015);
-  add.Ellipsoid(leg, side.knee, add.At(side.knee, 0, 0.0, 0.008),
-                Vector3d(0.024, 0.028, 0.0245), 0.012);
-  add.Ellipsoid(leg, side.knee, add.At(side.knee, s * 0.003, -0.068, -0.013),
-                {0.0295 * g, 0.062, 0.031 * g}, 0.025);
+  add.Limb(leg,
+           side.hip,
+           add.At(side.hip, s * 0.004, -0.012, 0),
+           g * Mix(0.054, 0.051, shape.sex),
+           joint[side.knee],
+           knee,
+           0);
+  add.Ellipsoid(leg,
+                side.hip,
+                add.At(side.hip, s * 0.004, -0.095, 0.008),
+                {0.044 * g, 0.10, 0.046 * g},
+                0.03);
+  add.Limb(leg,
+           side.knee,
+           joint[side.knee],
+           knee,
+           add.At(side.ankle, 0, 0.012, -0.002),
+           0.0190,
+           0.015);
+  add.Ellipsoid(leg,
+                side.knee,
+                add.At(side.knee, 0, 0.0, 0.008),
+                Vector3d(0.024, 0.028, 0.0245),
+                0.012);
+  add.Ellipsoid(leg,
+                side.knee,
+                add.At(side.knee, s * 0.003, -0.068, -0.013),
+                {0.0295 * g, 0.062, 0.031 * g},
+                0.025);
   const double f = shape.foot_scale;
   const auto at = [&](double x, double y, double z) {
     return add.At(side.ankle, s * f * x, y, f * z);
   };
-  add.Limb(leg, side.ankle, at(0, -0.024, -0.020), 0.0215 * f,
-           at(0, -0.030, 0.030), 0.020 * f, 0.012);
-  add.Limb(leg, side.ankle, at(0, -0.004, 0.002), 0.0235, at(0, -0.028, 0.072),
-           0.017, 0.012);
-  add.Limb(leg, side.ankle, at(-0.016, -0.031, 0.074), 0.0155 * f,
-           at(0.016, -0.031, 0.068), 0.0155 * f, 0.012);
-  add.Limb(leg, side.ankle, at(-0.010, -0.031, 0.078), 0.0145 * f,
-           at(-0.007, -0.033, 0.107), 0.0120 * f, 0.010);
-  add.Limb(leg, side.ankle, at(0.014, -0.031, 0.068), 0.0140 * f,
-           at(0.011, -0.034, 0.095), 0.0110 * f, 0.010);
+  add.Limb(leg,
+           side.ankle,
+           at(0, -0.024, -0.020),
+           0.0215 * f,
+           at(0, -0.030, 0.030),
+           0.020 * f,
+           0.012);
+  add.Limb(leg,
+           side.ankle,
+           at(0, -0.004, 0.002),
+           0.0235,
+           at(0, -0.028, 0.072),
+           0.017,
+           0.012);
+  add.Limb(leg,
+           side.ankle,
+           at(-0.016, -0.031, 0.074),
+           0.0155 * f,
+           at(0.016, -0.031, 0.068),
+           0.0155 * f,
+           0.012);
+  add.Limb(leg,
+           side.ankle,
+           at(-0.010, -0.031, 0.078),
+           0.0145 * f,
+           at(-0.007, -0.033, 0.107),
+           0.0120 * f,
+           0.010);
+  add.Limb(leg,
+           side.ankle,
+           at(0.014, -0.031, 0.068),
+           0.0140 * f,
+           at(0.011, -0.034, 0.095),
+           0.0110 * f,
+           0.010);
 }
 
 }  // namespace
@@ -398,17 +539,17 @@ std::array<Vector3d, kNumJoints> PersonShape::RestJoints() const {
 double BodyPart::Distance(const Vector3d& p) const {
   const Vector3d ap = stretched_from_world * (p - a);
   const double length_squared = stretched_axis.squaredNorm();
-  const double t = length_squared > 0
-                       ? std::clamp(ap.dot(stretched_axis) / length_squared, 0.0, 1.0)
-                       : 0.0;
+  const double t =
+      length_squared > 0
+          ? std::clamp(ap.dot(stretched_axis) / length_squared, 0.0, 1.0)
+          : 0.0;
   const Vector3d v = ap - t * stretched_axis;
   const double norm = v.norm();
   const double radius = radius_a + t * (radius_b - radius_a);
   // At the very axis any direction serves.
   const Vector3d direction =
       norm > 1e-9 ? Vector3d(v / norm) : Vector3d(Vector3d::UnitX());
-  const double slope =
-      (stretched_from_world.transpose() * direction).norm();
+  const double slope = (stretched_from_world.transpose() * direction).norm();
   return (norm - radius) / slope;
 }
 
@@ -424,8 +565,8 @@ PersonShape DrawPersonShape(unsigned seed) {
     shape.body_mass_index = 17 + random.Spread(1.3);
     shape.sex = Mix(0.5, shape.sex, 0.3);
   } else {
-    shape.stature = std::clamp(
-        Mix(1.64, 1.77, shape.sex) + random.Spread(0.07), 1.5, 2.0);
+    shape.stature =
+        std::clamp(Mix(1.64, 1.77, shape.sex) + random.Spread(0.07), 1.5, 2.0);
     shape.body_mass_index = 23.5 + random.Spread(3);
   }
   const double c = shape.childhood;
@@ -446,9 +587,8 @@ PersonShape DrawPersonShape(unsigned seed) {
   const double shank = 0.238 * leg * vary(0.02);
   const double lumbar = 0.095 * vary(0.05), chest = 0.224 * vary(0.03);
   const double neck = 0.062 * vary(0.06), head = 0.096 * shape.head_scale;
-  const double unit =
-      shape.stature /
-      (kAnkleHeight + shank + thigh + lumbar + chest + neck + head);
+  const double unit = shape.stature / (kAnkleHeight + shank + thigh + lumbar +
+                                       chest + neck + head);
   // Parts are measured in statures, so the head keeps its size against them.
   shape.head_scale *= unit / shape.stature;
   const double arm = vary(0.025);
@@ -474,8 +614,8 @@ PersonShape DrawPersonShape(unsigned seed) {
     offset[side.hip] = {s * hip, 0, 0};
     offset[side.knee] = {0, -thigh, 0};
     offset[side.ankle] = {0, -shank, 0};
-    offset[side.foot_end] = {-s * 0.007 * shape.foot_scale, -0.033,
-                             0.118 * shape.foot_scale};
+    offset[side.foot_end] = {
+        -s * 0.007 * shape.foot_scale, -0.033, 0.118 * shape.foot_scale};
   }
   for (Vector3d& o : offset) o *= unit;
   return shape;

@@ -14,8 +14,8 @@ namespace sweepfit {
 // template's tables: an own, wider family that also holds children.
 struct PersonShape {
   double stature = 1.7;
-  double sex = 0.5;         // 0 female .. 1 male
-  double childhood = 0;     // 0 adult .. 1 about six years old
+  double sex = 0.5;      // 0 female .. 1 male
+  double childhood = 0;  // 0 adult .. 1 about six years old
   double body_mass_index = 22;
   // Factors on breadth and depth of the trunk and on the girth of the limbs.
   double trunk_breadth = 1, trunk_depth = 1, arm_girth = 1, leg_girth = 1;

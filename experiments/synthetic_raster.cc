@@ -32,8 +32,7 @@ bool ScreenWeights(const ProjectedVertex& a,
                    const ProjectedVertex& c,
                    const Vector2d& p,
                    Vector3d* weights) {
-  const double area =
-      Cross(b.sample - a.sample, c.sample - a.sample);
+  const double area = Cross(b.sample - a.sample, c.sample - a.sample);
   if (area == 0) return false;
   const double wb = Cross(p - a.sample, c.sample - a.sample) / area;
   const double wc = Cross(b.sample - a.sample, p - a.sample) / area;
@@ -54,8 +53,7 @@ Drawing DrawMesh(const Camera& camera,
   for (const Vector3d& v : mesh.vertices) {
     const Projection p = ProjectForDrawing(camera, v);
     CHECK_GT(p.depth, 0.05) << "the person stands in camera " << camera.id;
-    vertices.push_back(
-        {(p.pixel.array() + 0.5) * kSamples - 0.5, p.depth});
+    vertices.push_back({(p.pixel.array() + 0.5) * kSamples - 0.5, p.depth});
     low = low.cwiseMin(vertices.back().sample);
     high = high.cwiseMax(vertices.back().sample);
   }
@@ -82,7 +80,8 @@ Drawing DrawMesh(const Camera& camera,
     for (int y = std::max(top, static_cast<int>(std::ceil(min.y()))); y <= y1;
          ++y) {
       for (int x = std::max(left, static_cast<int>(std::ceil(min.x())));
-           x <= x1; ++x) {
+           x <= x1;
+           ++x) {
         Vector3d w;
         if (!ScreenWeights(a, b, c, Vector2d(x, y), &w)) continue;
         const float inverse = static_cast<float>(

@@ -50,8 +50,8 @@ Room::Room(const Vector3d& center_in_world, double half_size, unsigned seed)
 
 Vector3d Room::FloorColor(const Vector3d& p) const {
   const Cell x = CellOf(p.x(), tile_size_), z = CellOf(p.z(), tile_size_);
-  const double tile = ValueNoise({x.index + 0.0, z.index + 0.0, 0.0},
-                                 noise_seed_ + 1);
+  const double tile =
+      ValueNoise({x.index + 0.0, z.index + 0.0, 0.0}, noise_seed_ + 1);
   const double grain = 0.06 * ValueNoise(p * 14, noise_seed_ + 2) +
                        0.05 * ValueNoise(p * 60, noise_seed_ + 3);
   const double grout = std::min(x.to_line, z.to_line) < 0.004 ? 0.55 : 1.0;
@@ -66,13 +66,12 @@ Vector3d Room::WallColor(double along, double height, int wall) const {
   const Cell panel = CellOf(along, panel_width_);
   const double gap = panel.to_line < 0.006 ? 0.5 : 1.0;
   const double tint =
-      1 + 0.06 * ValueNoise({panel.index + 0.0, wall + 0.0, 3.0},
-                            noise_seed_ + 6);
+      1 +
+      0.06 * ValueNoise({panel.index + 0.0, wall + 0.0, 3.0}, noise_seed_ + 6);
   return gap * grain * tint * (height < kWainscot ? wainscot_ : wall_);
 }
 
-Room::Hit Room::Trace(const Vector3d& origin,
-                      const Vector3d& direction) const {
+Room::Hit Room::Trace(const Vector3d& origin, const Vector3d& direction) const {
   const Vector3d from = origin - center_;
   double nearest = std::numeric_limits<double>::infinity();
   int axis = 1;
@@ -107,8 +106,8 @@ double Room::Shadow(const Vector3d& origin,
   double light = 1;
   for (const ContactShadow& shadow : shadows) {
     const Vector3d d = p + center_ - shadow.center_in_world;
-    const double r2 = (d.x() * d.x() + d.z() * d.z()) /
-                      (shadow.radius * shadow.radius);
+    const double r2 =
+        (d.x() * d.x() + d.z() * d.z()) / (shadow.radius * shadow.radius);
     light *= 1 - shadow.strength * std::exp(-r2);
   }
   return light;

@@ -20,9 +20,7 @@ class Room {
  public:
   // half_size: from the centre to the walls, metres. The room is the same at
   // every centre (it moves with it).
-  Room(const Eigen::Vector3d& center_in_world,
-       double half_size,
-       unsigned seed);
+  Room(const Eigen::Vector3d& center_in_world, double half_size, unsigned seed);
 
   // What a ray from inside the room sees when nobody is there.
   Eigen::Vector3d Color(const Eigen::Vector3d& origin,

@@ -50,8 +50,8 @@ DressedBody::DressedBody(const PersonShape& shape,
       outfit_(outfit),
       stature_(shape.stature),
       rest_joints_(shape.RestJoints()) {
-  all_parts_ = NearParts(Vector3d::Zero(),
-                         std::numeric_limits<double>::infinity());
+  all_parts_ =
+      NearParts(Vector3d::Zero(), std::numeric_limits<double>::infinity());
 }
 
 DressedBody::PartLists DressedBody::NearParts(const Vector3d& center,
@@ -159,8 +159,8 @@ TriangleMesh DressedBody::Mesh(double voxel_size) const {
         const double distance = Undressed(center, all_parts_).distance;
         if (distance > -slack - kDeepestDent &&
             distance < slack + kThickestClothes) {
-          per_slab[i].emplace_back(block.x() * kBlock, block.y() * kBlock,
-                                   block.z() * kBlock);
+          per_slab[i].emplace_back(
+              block.x() * kBlock, block.y() * kBlock, block.z() * kBlock);
         }
       }
     }
@@ -171,23 +171,21 @@ TriangleMesh DressedBody::Mesh(double voxel_size) const {
   }
   tbb::parallel_for(size_t{0}, blocks.size(), [&](size_t b) {
     Block& block = blocks[b];
-    const Vector3d origin(block.origin.x(), block.origin.y(),
-                          block.origin.z());
-    const PartLists lists =
-        NearParts((origin.array() + kBlock / 2.0) * voxel_size,
-                  0.87 * block_size);
+    const Vector3d origin(block.origin.x(), block.origin.y(), block.origin.z());
+    const PartLists lists = NearParts(
+        (origin.array() + kBlock / 2.0) * voxel_size, 0.87 * block_size);
     for (int n = 0; n < 512; ++n) {
       // The order of an OpenVDB leaf: z runs fastest.
       const Vector3d index = origin + Vector3d(n >> 6, n >> 3 & 7, n & 7);
-      block.values[n] = static_cast<float>(
-          std::clamp(Distance(index * voxel_size, lists), -background,
-                     background));
+      block.values[n] = static_cast<float>(std::clamp(
+          Distance(index * voxel_size, lists), -background, background));
     }
   });
 
   openvdb::FloatGrid::Ptr grid =
       openvdb::FloatGrid::create(static_cast<float>(background));
-  grid->setTransform(openvdb::math::Transform::createLinearTransform(voxel_size));
+  grid->setTransform(
+      openvdb::math::Transform::createLinearTransform(voxel_size));
   for (const Block& block : blocks) {
     bool near_surface = false;
     for (float v : block.values) {
@@ -215,8 +213,10 @@ TriangleMesh DressedBody::Mesh(double voxel_size) const {
   for (Vector3d& v : mesh.vertices) v.y() -= lowest;
   std::vector<Quad> faces;
   for (const openvdb::Vec4I& q : quads) {
-    faces.push_back({static_cast<int>(q[0]), static_cast<int>(q[1]),
-                     static_cast<int>(q[2]), static_cast<int>(q[3])});
+    faces.push_back({static_cast<int>(q[0]),
+                     static_cast<int>(q[1]),
+                     static_cast<int>(q[2]),
+                     static_cast<int>(q[3])});
   }
   mesh.triangles = TriangulateQuads(faces, mesh.vertices);
   return LargestComponent(mesh);
