@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "model/joint_angles.h"
 
-#include <glog/logging.h>
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -60,13 +58,16 @@ Matrix3d BoneBasis(const Vector3d& direction, const Vector3d& reference) {
 }  // namespace
 
 int LengthGroup(int joint) {
-  if (joint == kRoot) return -1;
-  for (int g = 0; g < kNumLengthGroups; ++g) {
-    if (kGroupJoints[g] == joint || MirrorJoint(kGroupJoints[g]) == joint) {
-      return g;
+  // Asked for every residual: the search is done once.
+  static const std::array<int, kNumJoints> kGroups = [] {
+    std::array<int, kNumJoints> groups;
+    groups.fill(-1);
+    for (int g = 0; g < kNumLengthGroups; ++g) {
+      groups[kGroupJoints[g]] = groups[MirrorJoint(kGroupJoints[g])] = g;
     }
-  }
-  LOG(FATAL) << "joint " << joint << " has no length group";
+    return groups;
+  }();
+  return kGroups[joint];
 }
 
 int LengthGroupJoint(int group) { return kGroupJoints[group]; }

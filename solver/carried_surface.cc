@@ -136,6 +136,7 @@ std::shared_ptr<const ShapedPoint> CarryVertex(
     const PosedBody& posed,
     int vertex,
     const GirthBasis* basis,
+    const RestDerivative* rest_derivative,
     const std::vector<double>& girth) {
   std::map<int, double> carriers, stretch;
   for (const SweepAttachment& attachment :
@@ -170,7 +171,7 @@ std::shared_ptr<const ShapedPoint> CarryVertex(
   point->carried.stretch.assign(stretch.begin(), stretch.end());
   if (basis == nullptr) return point;
   std::map<int, Vector3d> directions;
-  for (const auto& term : RestByLogRatio(body, vertex).terms) {
+  for (const auto& term : rest_derivative->terms) {
     for (const auto& [k, value] : basis->OfSample(term.sweep, term.sample)) {
       auto [it, inserted] = directions.try_emplace(k, Vector3d::Zero());
       it->second +=

@@ -40,13 +40,15 @@ class GirthBasis {
 };
 
 // How the posed vertex moves with joints, bone lengths and girths; exact at the
-// given posture, see ShapedPoint. `basis` may be null (no girths).
+// given posture, see ShapedPoint. `basis` may be null (no girths); otherwise
+// `rest_derivative` is RestByLogRatio of the vertex.
 std::shared_ptr<const ShapedPoint> CarryVertex(
     const Body& body,
     const JointFrames& frames,
     const PosedBody& posed,
     int vertex,
     const GirthBasis* basis,
+    const RestDerivative* rest_derivative,
     const std::vector<double>& girth);
 
 }  // namespace sweepfit

@@ -27,6 +27,7 @@ void FitGlobal(const std::vector<PoseEvidence>& evidence,
   std::vector<double> girth(basis.num_parameters(), 0.0);
   SetBoneLengths(joints->skeleton.length, body);
   nlohmann::ordered_json report;
+  bool usable = false;
   for (int round = 0; round < options.rounds; ++round) {
     const double t =
         options.rounds > 1 ? round / (options.rounds - 1.0) : 1.0;
@@ -34,9 +35,17 @@ void FitGlobal(const std::vector<PoseEvidence>& evidence,
     outline.sigma = options.sigma_first *
                     std::pow(options.sigma_last / options.sigma_first, t);
     outline.max_distance = 60 - 40 * t;
-    outline.max_iterations = 8;
-    report = SolvePerson(
-        evidence, outline, joint_options, &basis, &girth, body, joints);
+    outline.max_iterations = 6;
+    outline.stride = 3;
+    const bool last = round + 1 == options.rounds;
+    usable = SolvePerson(evidence,
+                         outline,
+                         joint_options,
+                         &basis,
+                         &girth,
+                         body,
+                         joints,
+                         last ? &report : nullptr);
   }
   summary->figures = report;
   summary->figures["rounds"] = options.rounds;
@@ -45,7 +54,7 @@ void FitGlobal(const std::vector<PoseEvidence>& evidence,
     girths[basis.names()[k]] = std::exp(girth[k]);
   }
   summary->figures["girth_ratio"] = girths;
-  summary->status = report["usable"].get<bool>() ? "ok" : "failed";
+  summary->status = usable ? "ok" : "failed";
 }
 
 }  // namespace sweepfit

@@ -81,13 +81,14 @@ struct RowPoint {
 
 RowPoint MakeRowPoint(const Body& body,
                       const PosedBody& posed,
+                      const RestDerivative& rest_derivative,
                       int vertex,
                       Rows* rows) {
   auto point = std::make_shared<RadiusPoint>();
   RowPoint result;
   point->point_in_world = posed.mesh.vertices[vertex];
   std::map<std::pair<int, int>, int> block_of_row;
-  for (const auto& term : RestByLogRatio(body, vertex).terms) {
+  for (const auto& term : rest_derivative.terms) {
     const int columns = body.sweeps[term.sweep].num_columns();
     const int row = term.sample / columns, column = term.sample % columns;
     const auto [it, inserted] = block_of_row.try_emplace(
@@ -123,6 +124,7 @@ void AddEvidence(const PoseEvidence& evidence,
                  double sigma_rim,
                  const Body& body,
                  const Pose& pose,
+                 const std::vector<RestDerivative>& rest_derivatives,
                  Rows* rows,
                  ceres::Problem* problem) {
   const PosedBody posed = PoseForFit(body, pose);
@@ -132,7 +134,10 @@ void AddEvidence(const PoseEvidence& evidence,
   std::map<int, RowPoint> points;
   const auto at = [&](int vertex) -> const RowPoint& {
     auto [it, inserted] = points.try_emplace(vertex);
-    if (inserted) it->second = MakeRowPoint(body, posed, vertex, rows);
+    if (inserted) {
+      it->second =
+          MakeRowPoint(body, posed, rest_derivatives[vertex], vertex, rows);
+    }
     return it->second;
   };
   for (const RimPoint& rim : rims.rim) {
@@ -256,6 +261,7 @@ nlohmann::ordered_json SolveRadii(const std::vector<PoseEvidence>& evidence,
                                   const JointResult& joints,
                                   Body* body) {
   Rows rows = RowsOf(*body);
+  const std::vector<RestDerivative> rest_derivatives = RestByLogRatio(*body);
   ceres::Problem problem;
   for (size_t p = 0; p < evidence.size(); ++p) {
     AddEvidence(evidence[p],
@@ -263,6 +269,7 @@ nlohmann::ordered_json SolveRadii(const std::vector<PoseEvidence>& evidence,
                 sigma_rim,
                 *body,
                 joints.poses[p].pose,
+                rest_derivatives,
                 &rows,
                 &problem);
   }
@@ -380,7 +387,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
   if (options.mode != "rim") {
     SampleHullRadii(evidence, options.mode == "paper", *joints, body);
   } else {
-    nlohmann::ordered_json report;
+    nlohmann::ordered_json report, person_report;
     for (int round = 0; round < options.rounds; ++round) {
       const bool first = round == 0;
       report = SolveRadii(evidence,
@@ -388,17 +395,20 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
                           (first ? 2 : 1) * options.sigma_rim,
                           *joints,
                           body);
-      if (round + 1 == options.rounds) break;
+      const int left = options.rounds - 1 - round;
+      if (left == 0) break;
       // With better radii the outline says more about the pose.
       SolvePerson(evidence,
-                  {2 * options.sigma_rim, 20, 4},
+                  {2 * options.sigma_rim, 20, 4, 3},
                   joint_options,
                   nullptr,
                   nullptr,
                   body,
-                  joints);
+                  joints,
+                  left == 1 ? &person_report : nullptr);
     }
-    summary->figures["solve"] = report;
+    summary->figures["radii"] = report;
+    summary->figures["pose"] = person_report;
     if (!report["usable"].get<bool>()) summary->status = "failed";
   }
   summary->figures["rim_error_end_mm"] =

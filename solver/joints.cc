@@ -41,7 +41,7 @@ void AimLimb(const JointAngles& angles,
   if (from == nullptr || to == nullptr) return;
   const Vector3d limb = to->point_in_world - from->point_in_world;
   if (limb.norm() < 0.05) return;
-  const auto turn = Eigen::Quaterniond::FromTwoVectors(
+  const Eigen::Quaterniond turn = Eigen::Quaterniond::FromTwoVectors(
       base.rest_direction[first + 1],
       world_from_root.transpose() * limb.normalized());
   const Eigen::AngleAxisd angle_axis(turn);
@@ -56,8 +56,8 @@ std::vector<double> InitialPose(const JointAngles& angles,
     pose[3 + i] = angles.angles()[i].usual;
   }
   Vector3d root = Vector3d::Zero();
-  if (const Landmark3* landmark = landmarks.Find("root")) {
-    root = landmark->point_in_world;
+  if (const Landmark3* known = landmarks.Find("root")) {
+    root = known->point_in_world;
   } else {
     for (const Landmark3& landmark : landmarks.landmarks) {
       root += landmark.point_in_world / landmarks.landmarks.size();
@@ -165,10 +165,10 @@ JointResult EstimateJoints(const std::vector<LandmarkResult>& landmarks,
     parameters.pose.push_back(InitialPose(angles, base, pose));
   }
 
+  bool usable = false;
   const auto solve = [&](const JointOptions::Weights& weights,
                          const std::vector<std::vector<Landmark3>>& points,
-                         double loss_scale,
-                         nlohmann::ordered_json* report) {
+                         double loss_scale) {
     auto problem =
         std::make_unique<PersonProblem>(base, &angles, &parameters);
     for (size_t p = 0; p < points.size(); ++p) {
@@ -186,7 +186,7 @@ JointResult EstimateJoints(const std::vector<LandmarkResult>& landmarks,
         base, base_stature, options.template_sigma, weights.template_ratio);
     problem->AddPosePrior(weights.pose);
     problem->AddPersonPrior(stature.value, stature.sigma, weights.stature);
-    *report = problem->Solve(50);
+    usable = problem->Solve(50);
     return problem;
   };
 
@@ -198,12 +198,11 @@ JointResult EstimateJoints(const std::vector<LandmarkResult>& landmarks,
   if (options.mode != "sigma") {
     weights = JointOptions::Weights();  // to fill joints no landmark speaks of
   }
-  nlohmann::ordered_json report;
   // Graduated non-convexity: a wide loss first, so that one bad landmark cannot
   // trap a limb.
   std::unique_ptr<PersonProblem> problem;
   for (const double loss_scale : {8.0, 4.0, 2.0}) {
-    problem = solve(weights, points, loss_scale, &report);
+    problem = solve(weights, points, loss_scale);
   }
 
   if (options.mode != "sigma") {
@@ -258,22 +257,22 @@ JointResult EstimateJoints(const std::vector<LandmarkResult>& landmarks,
     weights = JointOptions::Weights();
     weights.anthropometric = 1e-4;  // only to keep lengths regular
     weights.pose = 0.01;
-    problem = solve(weights, points, 0, &report);
+    problem = solve(weights, points, 0);
   }
 
   JointResult result;
   result.base = base;
   result.stature_sigma = stature.sigma;
-  FillJointResult(*problem, angles, parameters, &result);
+  FillJointResult(*problem, angles, parameters, true, &result);
   for (size_t p = 0; p < landmarks.size(); ++p) {
     result.poses[p].reliability[kRoot] =
         landmarks[p].Find("root") != nullptr ? 1.0 : 0.0;
   }
-  summary->figures = report;
+  summary->figures = problem->Report();
   summary->figures["mode"] = options.mode;
   summary->figures["stature_m"] = result.stature;
   summary->figures["sex_male"] = result.sex;
-  summary->status = report["usable"].get<bool>() ? "ok" : "failed";
+  summary->status = usable ? "ok" : "failed";
   return result;
 }
 

@@ -16,6 +16,8 @@ namespace {
 
 constexpr double kMinHeadThickness = 0.03;
 constexpr double kMaxFootHeight = 0.3;
+// From where the arm leaves the trunk to the shoulder joint, along the arm.
+constexpr double kArmpitToShoulder = 0.045;
 
 double Median(std::vector<double> values) {
   if (values.empty()) return 0;
@@ -85,6 +87,7 @@ class BodyTracer {
                const Eigen::Vector3d& direction) const;
   void FindFacing(std::vector<LimbTrace> arms, std::vector<LimbTrace> legs);
   void FindCrotch();
+  Eigen::Vector3d HipCenter(int side) const;
   void AddLegs();
   void AddTrunk();
   void AddArms();
@@ -114,7 +117,7 @@ void BodyTracer::Unsafe(const std::string& limb, const std::string& why) {
 LimbTrace BodyTracer::TraceArm(const Extremum& hand) const {
   LimbTrace arm;
   TraceOptions options;
-  options.half_size = 0.07 * height_;
+  options.half_size = 0.08 * height_;
   options.max_area = 0.006 * height_ * height_;
   options.max_length = 0.5 * height_;
   arm.line = TraceLimb(volume_, hand.path_in_world, options);
@@ -132,19 +135,22 @@ void BodyTracer::FindWrist(LimbTrace* arm) const {
     narrowest = section.cut.half_axis_long;
     arm->s_wrist_or_ankle = section.s;
   }
-  if (arm->s_wrist_or_ankle == 0) {
-    arm->s_wrist_or_ankle = 0.105 * height_;
-    return;
-  }
-  // The hand is wider than the wrist; where it is not, a cuff or a fist hides
-  // the place.
-  double widest = 0;
+  // Hand and forearm are wider than the wrist; where they are not, a cuff, a
+  // fist or a poorly seen arm hides it and the hand's usual length must do.
+  double hand = 0, forearm = 0;
   for (const LimbSection& section : arm->line) {
     if (section.s < arm->s_wrist_or_ankle) {
-      widest = std::max(widest, section.cut.half_axis_long);
+      hand = std::max(hand, section.cut.half_axis_long);
+    } else if (section.s < arm->s_wrist_or_ankle + 0.06 * height_) {
+      forearm = std::max(forearm, section.cut.half_axis_long);
     }
   }
-  arm->narrowness = widest / narrowest;
+  arm->is_clear = std::min(hand / narrowest, forearm / narrowest) > 1.15;
+  if (arm->is_clear) {
+    arm->s_wrist_or_ankle -= 0.005 * height_;  // narrowest above the joint
+  } else {
+    arm->s_wrist_or_ankle = 0.108 * height_;
+  }
 }
 
 void BodyTracer::FindArmpit(LimbTrace* arm) const {
@@ -175,7 +181,7 @@ void BodyTracer::FindArmpit(LimbTrace* arm) const {
 LimbTrace BodyTracer::TraceLeg(const Extremum& foot) const {
   LimbTrace leg;
   TraceOptions options;
-  options.half_size = 0.075 * height_;
+  options.half_size = 0.1 * height_;
   options.max_area = 0.013 * height_ * height_;
   options.max_length = 0.75 * height_;
   leg.line = TraceLimb(volume_, foot.path_in_world, options);
@@ -191,16 +197,24 @@ LimbTrace BodyTracer::TraceLeg(const Extremum& foot) const {
 }
 
 void BodyTracer::FindAnkle(LimbTrace* leg) const {
-  // Narrowest section of the shank, .033 H above the joint.
+  leg->s_wrist_or_ankle = 0.12 * height_;
+  Eigen::Vector3d point, shank;
+  if (!FitAxis(leg->line, 0.21 * height_, 0.33 * height_, &point, &shank)) {
+    return;
+  }
+  // Narrowest section of the shank, .033 H above the joint. Sections of the
+  // foot look another way.
   double narrowest = 1e9;
-  double s_narrowest = 0.15 * height_;
   for (const LimbSection& section : leg->line) {
     if (section.s < 0.1 * height_ || section.s > 0.22 * height_) continue;
-    if (!section.free || section.cut.area >= narrowest) continue;
+    if (!section.free || section.cut.area >= narrowest ||
+        section.tangent.dot(shank) < 0.94) {
+      continue;
+    }
     narrowest = section.cut.area;
-    s_narrowest = section.s;
+    leg->s_wrist_or_ankle = section.s - 0.033 * height_;
+    leg->is_clear = true;
   }
-  leg->s_wrist_or_ankle = s_narrowest - 0.033 * height_;
 }
 
 double BodyTracer::Chord(const Eigen::Vector3d& point,
@@ -318,6 +332,25 @@ void BodyTracer::FindCrotch() {
   result_.crotch_height = merge;
 }
 
+Eigen::Vector3d BodyTracer::HipCenter(int side) const {
+  const double sign = side == kLeft ? 1 : -1;
+  double offset = 0.05 * height_;
+  Eigen::Vector3d point, axis;
+  const LimbTrace& leg = *result_.leg[side];
+  // The thigh's axis says where the hip is, sideways.
+  const double from = leg.s_wrist_or_ankle + 0.28 * height_;
+  if (crotch_is_safe_ && FitAxis(leg.line, from, leg.s_merge, &point, &axis) &&
+      axis.y() > 0.8 && leg.s_merge - from > 0.05 * height_) {
+    const Eigen::Vector3d reached =
+        point + (root_in_world_.y() - point.y()) / axis.y() * axis;
+    const double seen =
+        sign * (reached - root_in_world_).dot(result_.left_in_world);
+    offset =
+        0.5 * offset + 0.5 * std::clamp(seen, 0.035 * height_, 0.07 * height_);
+  }
+  return root_in_world_ + sign * offset * result_.left_in_world;
+}
+
 void BodyTracer::AddLegs() {
   static constexpr const char* kNames[] = {"l_leg", "r_leg"};
   static constexpr int kAnkle[] = {kLAnkle, kRAnkle};
@@ -330,9 +363,7 @@ void BodyTracer::AddLegs() {
       continue;
     }
     LimbTrace& leg = *result_.leg[side];
-    const Eigen::Vector3d hip = root_in_world_ + (side == kLeft ? 1 : -1) *
-                                                     0.05 * height_ *
-                                                     result_.left_in_world;
+    const Eigen::Vector3d hip = HipCenter(side);
     // The ankle: on the shank's axis.
     Eigen::Vector3d axis_point, axis;
     const double s_shank = leg.s_wrist_or_ankle + 0.033 * height_;
@@ -342,20 +373,16 @@ void BodyTracer::AddLegs() {
       continue;
     }
     const Eigen::Vector3d narrowest = PointAt(leg.line, s_shank);
-    const double along_narrowest = (narrowest - axis_point).dot(axis);
-    double along = along_narrowest - 0.033 * height_;
-    double sigma = 0.015;
+    double along = (narrowest - axis_point).dot(axis) - 0.033 * height_;
+    double sigma = leg.is_clear ? 0.018 : 0.03;
     if (axis.y() > 0.9) {
-      // Over the sole: .0415 H and something for a sole.
+      // Over the sole, .0415 H and something for a shoe.
       const double down =
           RayExit(volume_, narrowest, -Eigen::Vector3d::UnitY(), 0.2);
-      if (down > 0) {
-        const double sole = narrowest.y() - down;
-        const double over_sole =
-            (sole + 0.048 * height_ - axis_point.y()) / axis.y();
-        const double difference = std::abs(over_sole - along);
-        along = 0.5 * (over_sole + along);
-        sigma = std::max(0.012, 0.5 * difference);
+      const double sole = narrowest.y() - down;
+      if (down > 0 && sole < floor_ + 0.03 * height_) {
+        along = (sole + 0.05 * height_ - axis_point.y()) / axis.y();
+        sigma = 0.012;
       }
     }
     const Eigen::Vector3d ankle = axis_point + along * axis;
@@ -368,14 +395,6 @@ void BodyTracer::AddLegs() {
 
     // The knee: a bend, else the usual share of the way.
     const double s_ankle = s_shank - 0.033 * height_;
-    double s_hip = s_ankle;
-    for (const LimbSection& section : leg.line) {
-      s_hip = section.s;
-      if ((section.point_in_world - ankle).norm() > (hip - ankle).norm() ||
-          section.s > leg.s_merge) {
-        break;
-      }
-    }
     const double leg_length = (hip - ankle).norm();
     double s_knee = s_ankle + 0.51 * leg_length;
     double along_knee = 0.028;
@@ -400,16 +419,24 @@ void BodyTracer::AddLegs() {
     result_.landmarks.push_back(
         MakeLandmark(kHip[side],
                      hip,
-                     AlongAcross(Eigen::Vector3d::UnitY(), hip_sigma, 0.018)));
+                     AlongAcross(Eigen::Vector3d::UnitY(), hip_sigma, 0.02)));
   }
 }
 
 void BodyTracer::AddTrunk() {
-  double hip_height = 0.52 * height_;
+  // Usual share of the height; the crotch speaks for the person.
+  const double usual = 0.525 * height_;
+  double hip_height = usual;
   crotch_is_safe_ = result_.crotch_height > 0.42 * height_ &&
                     result_.crotch_height < 0.53 * height_;
   if (crotch_is_safe_) {
-    hip_height = result_.crotch_height + 0.05 * height_;
+    constexpr double kUsualSigma = 0.016;
+    constexpr double kCrotchSigma = 0.025;  // webs hide it from above
+    const double w = 1 / (kCrotchSigma * kCrotchSigma);
+    const double w_usual = 1 / (kUsualSigma * kUsualSigma);
+    hip_height =
+        (w * (result_.crotch_height + 0.06 * height_) + w_usual * usual) /
+        (w + w_usual);
   } else {
     const std::string why = result_.crotch_height > 0
                                 ? "legs merge (skirt or closed legs)"
@@ -456,12 +483,12 @@ void BodyTracer::AddArms() {
         tip,
         AlongAcross(TangentAt(arm.line, 0.03 * height_), 0.025, 0.012)));
     const double s_wrist = arm.s_wrist_or_ankle;
-    const bool clear_wrist = arm.narrowness > 1.25;
-    result_.landmarks.push_back(MakeLandmark(
-        kWrist[side],
-        PointAt(arm.line, s_wrist),
-        AlongAcross(
-            TangentAt(arm.line, s_wrist), clear_wrist ? 0.012 : 0.03, 0.007)));
+    result_.landmarks.push_back(
+        MakeLandmark(kWrist[side],
+                     PointAt(arm.line, s_wrist),
+                     AlongAcross(TangentAt(arm.line, s_wrist),
+                                 arm.is_clear ? 0.014 : 0.022,
+                                 arm.is_clear ? 0.007 : 0.012)));
     if (arm.merges_early) {
       Unsafe(kNames[side], "the arm merges with the trunk");
       continue;
@@ -475,13 +502,13 @@ void BodyTracer::AddArms() {
       Unsafe(kNames[side], "the upper arm cannot be followed");
       continue;
     }
-    const double along = arm.s_merge - 0.0575 * height_ + 0.045 * height_;
-    const Eigen::Vector3d shoulder =
-        axis_point + (along - (arm.s_merge - 0.0575 * height_)) * axis +
-        0.0575 * height_ * axis;
+    const Eigen::Vector3d armpit = PointAt(arm.line, arm.s_merge);
+    const double along =
+        (armpit - axis_point).dot(axis) + kArmpitToShoulder * height_;
+    const Eigen::Vector3d shoulder = axis_point + along * axis;
     result_.landmarks.push_back(MakeLandmark(
         kShoulder[side], shoulder, AlongAcross(axis, 0.03, 0.018)));
-    const double s_shoulder = arm.s_merge + 0.045 * height_;
+    const double s_shoulder = arm.s_merge + kArmpitToShoulder * height_;
     double s_elbow = s_shoulder - 0.515 * (s_shoulder - s_wrist);
     double along_elbow = 0.03;
     const Bend bend = SharpestBend(
@@ -521,7 +548,9 @@ void BodyTracer::AddHead() {
   }
   Eigen::Vector3d narrow = PointAt(line, s_neck);
   const Eigen::Vector3d down = (root_in_world_ - narrow).normalized();
-  const Eigen::Vector3d neck = narrow + 0.015 * height_ * down;
+  // C7 lies behind the middle of the neck, a vertebra behind that of the waist.
+  const Eigen::Vector3d neck = narrow + 0.015 * height_ * down -
+                               0.01 * height_ * result_.facing_in_world;
   result_.landmarks.push_back(
       MakeLandmark(kNeck, neck, AlongAcross(down, 0.022, 0.015)));
   // The crown: up from the middle of the head.
@@ -541,6 +570,7 @@ void BodyTracer::AddHead() {
   Eigen::Vector3d spine = root_in_world_ + 0.095 * height_ * up;
   const CutPlaneSection cut = CutPlane(volume_, spine, up, 0.2 * height_);
   if (cut.found) spine = cut.centroid_in_world;
+  spine -= 0.02 * height_ * result_.facing_in_world;
   result_.landmarks.push_back(
       MakeLandmark(kSpine, spine, AlongAcross(up, 0.05, 0.025)));
 }

@@ -35,7 +35,7 @@ struct LimbTrace {
   double s_wrist_or_ankle = 0;
   double s_merge = 0;         // where it joins the trunk or the other leg
   bool merges_early = false;  // nearer to the tip than a limb can be short
-  double narrowness = 0;      // how much wider the limb is beyond the wrist
+  bool is_clear = false;      // the wrist or ankle stands out by its width
 };
 
 // What the volume tells about the body: landmarks with honest covariances.

@@ -84,7 +84,10 @@ LimbLine TraceLimb(const Volume& volume,
           CutPlane(volume, line[i], section.tangent, options.half_size);
       section.free = section.cut.found && !section.cut.touches_border &&
                      section.cut.area <= options.max_area;
-      if (section.free) centered[i] = section.cut.centroid_in_world;
+      // A way along the skin sees its section leave the square at first.
+      if (section.cut.found && section.cut.area <= options.max_area) {
+        centered[i] = section.cut.centroid_in_world;
+      }
       if (last) {
         if (section.free) section.point_in_world = centered[i];
         result.push_back(section);

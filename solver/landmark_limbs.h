@@ -23,11 +23,11 @@ struct LimbSection {
 using LimbLine = std::vector<LimbSection>;
 
 struct TraceOptions {
-  double step = 0.012;      // metres between sections
-  double smoothing = 0.03;  // metres, standard deviation along the line
-  double half_size = 0.1;   // of the cut planes, metres
-  double max_area = 0;      // square metres; larger sections are not free
-  double max_length = 2;    // metres
+  double step = 0.012;       // metres between sections
+  double smoothing = 0.035;  // metres, standard deviation along the line
+  double half_size = 0.1;    // of the cut planes, metres
+  double max_area = 0;       // square metres; larger sections are not free
+  double max_length = 2;     // metres
   int iterations = 2;
 };
 

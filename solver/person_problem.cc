@@ -254,41 +254,41 @@ Skeleton PersonProblem::CurrentSkeleton() const {
   return skeleton;
 }
 
-nlohmann::ordered_json PersonProblem::Solve(int max_iterations) {
-  nlohmann::ordered_json report;
-  nlohmann::ordered_json families;
-  for (int f = 0; f < kNumFamilies; ++f) {
-    families[kFamilyNames[f]]["cost_start"] = Cost(f);
-  }
+bool PersonProblem::Solve(int max_iterations) {
+  for (int f = 0; f < kNumFamilies; ++f) cost_at_start_[f] = Cost(f);
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
   options.dense_linear_algebra_library_type = ceres::EIGEN;
   options.num_threads = 1;
   options.max_num_iterations = max_iterations;
-  options.function_tolerance = 1e-5;
+  options.function_tolerance = 1e-4;
   options.logging_type = ceres::SILENT;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem_, &summary);
+  ceres::Solve(options, &problem_, &summary_);
+  return summary_.IsSolutionUsable();
+}
+
+nlohmann::ordered_json PersonProblem::Report() const {
+  nlohmann::ordered_json report;
+  report["iterations"] = static_cast<int>(summary_.iterations.size()) - 1;
+  report["termination"] =
+      ceres::TerminationTypeToString(summary_.termination_type);
+  report["residuals"] = summary_.num_residuals;
+  report["parameters"] = num_parameters();
   const Eigen::MatrixXd covariance = Covariance();
   for (int f = 0; f < kNumFamilies; ++f) {
-    auto& entry = families[kFamilyNames[f]];
+    auto& entry = report["families"][kFamilyNames[f]];
+    entry["cost_start"] = cost_at_start_[f];
     entry["cost_end"] = Cost(f);
     entry["effective_parameters"] =
         covariance.cwiseProduct(Information(f)).sum();
   }
-  report["iterations"] = static_cast<int>(summary.iterations.size()) - 1;
-  report["termination"] =
-      ceres::TerminationTypeToString(summary.termination_type);
-  report["usable"] = summary.IsSolutionUsable();
-  report["residuals"] = summary.num_residuals;
-  report["parameters"] = num_parameters();
-  report["families"] = families;
   return report;
 }
 
 void FillJointResult(const PersonProblem& problem,
                      const JointAngles& angles,
                      const PersonParameters& parameters,
+                     bool with_covariance,
                      JointResult* result) {
   const Anthropometry& tables = Anthropometry::Default();
   result->skeleton = problem.CurrentSkeleton();
@@ -297,11 +297,15 @@ void FillJointResult(const PersonProblem& problem,
   result->coordinates = parameters.pose;
   result->log_length = parameters.log_length;
   result->poses.resize(parameters.pose.size());
-  const Eigen::MatrixXd covariance = problem.Covariance();
   for (size_t p = 0; p < parameters.pose.size(); ++p) {
     JointEstimate& estimate = result->poses[p];
     estimate.pose = angles.ToPose(parameters.pose[p].data());
     estimate.frames = ForwardKinematics(result->skeleton, estimate.pose);
+  }
+  if (!with_covariance) return;
+  const Eigen::MatrixXd covariance = problem.Covariance();
+  for (size_t p = 0; p < parameters.pose.size(); ++p) {
+    JointEstimate& estimate = result->poses[p];
     for (int j = 0; j < kNumJoints; ++j) {
       const Eigen::Matrix3Xd by =
           problem.JointDerivative(static_cast<int>(p), j);

@@ -84,10 +84,14 @@ class PersonProblem {
   void HoldLengthsAndPerson();
 
   // Solves on one thread with dense Cholesky (EIGEN), so that results repeat.
-  // Returns iterations, termination, cost and effective parameters per family.
-  // Effective parameters are trace((J^T J)^-1 J_f^T J_f): they say how many of
-  // the unknowns a family decides, and sum to the number of unknowns.
-  nlohmann::ordered_json Solve(int max_iterations);
+  // False when no usable solution was found.
+  bool Solve(int max_iterations);
+
+  // Iterations and termination of the last Solve, and per family its cost
+  // before and after, and its effective parameters trace((J^T J)^-1 J_f^T J_f):
+  // how many of the unknowns the family decides; over all families they sum to
+  // the number of unknowns.
+  nlohmann::ordered_json Report() const;
 
   // Covariance of all free parameters at the solution, ordered poses, lengths,
   // person, girth (the inverse of J^T J with a tiny ridge).
@@ -119,12 +123,16 @@ class PersonProblem {
   std::vector<std::unique_ptr<KinematicCache>> caches_;
   mutable ceres::Problem problem_;
   std::vector<Block> blocks_;
+  ceres::Solver::Summary summary_;
+  std::array<double, kNumFamilies> cost_at_start_{};
 };
 
-// Copies the solution into `result`, with covariances and reliabilities.
+// Copies the solution into `result`; covariances and reliabilities only when
+// asked for.
 void FillJointResult(const PersonProblem& problem,
                      const JointAngles& angles,
                      const PersonParameters& parameters,
+                     bool with_covariance,
                      JointResult* result);
 
 }  // namespace sweepfit

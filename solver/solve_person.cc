@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "solver/solve_person.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 
@@ -23,6 +24,7 @@ void AddSurface(const PoseEvidence& evidence,
                 const Body& body,
                 const JointEstimate& estimate,
                 const GirthBasis* basis,
+                const std::vector<RestDerivative>& rest_derivatives,
                 const std::vector<double>& girth,
                 PersonProblem* problem) {
   const PosedBody posed = PoseForFit(body, estimate.pose);
@@ -36,22 +38,31 @@ void AddSurface(const PoseEvidence& evidence,
   const auto carry = [&](int vertex) {
     auto& point = carried[vertex];
     if (point == nullptr) {
-      point =
-          CarryVertex(body, estimate.frames, posed, vertex, basis, girth);
+      point = CarryVertex(
+          body,
+          estimate.frames,
+          posed,
+          vertex,
+          basis,
+          basis == nullptr ? nullptr : &rest_derivatives[vertex],
+          girth);
     }
     return point;
   };
-  for (const RimPoint& rim : rims.rim) {
+  const int stride = outline.stride;
+  for (size_t i = 0; i < rims.rim.size(); i += stride) {
+    const RimPoint& rim = rims.rim[i];
     const View& view = views[rim.view];
     problem->AddPoint(
         Family::kSilhouette,
         pose,
         SilhouetteRim(&view.camera, &view.signed_distance, outline.sigma),
         carry(rim.vertex),
-        weight * rim.weight,
+        weight * std::min(1.0, stride * rim.weight),
         new ceres::HuberLoss(2));
   }
-  for (const ContourPair& pair : rims.contour) {
+  for (size_t i = 0; i < rims.contour.size(); i += stride) {
+    const ContourPair& pair = rims.contour[i];
     const View& view = views[pair.view];
     problem->AddPoint(Family::kSilhouette,
                       pose,
@@ -61,7 +72,7 @@ void AddSurface(const PoseEvidence& evidence,
                                    pair.depth,
                                    outline.sigma),
                       carry(pair.vertex),
-                      weight * pair.weight,
+                      weight * std::min(1.0, stride * pair.weight),
                       new ceres::TukeyLoss(6));
   }
   HullDistance::Options hull;
@@ -80,13 +91,14 @@ void AddSurface(const PoseEvidence& evidence,
 
 }  // namespace
 
-nlohmann::ordered_json SolvePerson(const std::vector<PoseEvidence>& evidence,
-                                   const OutlineFit& outline,
-                                   const JointOptions& options,
-                                   const GirthBasis* basis,
-                                   std::vector<double>* girth,
-                                   Body* body,
-                                   JointResult* joints) {
+bool SolvePerson(const std::vector<PoseEvidence>& evidence,
+                 const OutlineFit& outline,
+                 const JointOptions& options,
+                 const GirthBasis* basis,
+                 std::vector<double>* girth,
+                 Body* body,
+                 JointResult* joints,
+                 nlohmann::ordered_json* report) {
   const JointAngles angles(joints->base);
   PersonParameters parameters;
   parameters.pose = joints->coordinates;
@@ -99,6 +111,8 @@ nlohmann::ordered_json SolvePerson(const std::vector<PoseEvidence>& evidence,
   const std::array<double, kNumLengthGroups> before = parameters.log_length;
   parameters.log_length.fill(0);
   PersonProblem problem(body->skeleton, &angles, &parameters);
+  std::vector<RestDerivative> rest_derivatives;
+  if (basis != nullptr) rest_derivatives = RestByLogRatio(*body);
   const double loss_scale = 2;
   const bool sigma_mode = options.mode == "sigma";
   const JointOptions::Weights weights =
@@ -119,6 +133,7 @@ nlohmann::ordered_json SolvePerson(const std::vector<PoseEvidence>& evidence,
                *body,
                joints->poses[p],
                basis,
+               rest_derivatives,
                parameters.girth,
                &problem);
   }
@@ -134,9 +149,9 @@ nlohmann::ordered_json SolvePerson(const std::vector<PoseEvidence>& evidence,
 
   // The paper's joints are decided by its closed form alone.
   if (!sigma_mode) problem.HoldLengthsAndPerson();
-  nlohmann::ordered_json report = problem.Solve(outline.max_iterations);
-
-  FillJointResult(problem, angles, parameters, joints);
+  const bool usable = problem.Solve(outline.max_iterations);
+  if (report != nullptr) *report = problem.Report();
+  FillJointResult(problem, angles, parameters, report != nullptr, joints);
   for (int g = 0; g < kNumLengthGroups; ++g) {
     joints->log_length[g] = before[g] + parameters.log_length[g];
   }
@@ -145,7 +160,7 @@ nlohmann::ordered_json SolvePerson(const std::vector<PoseEvidence>& evidence,
     *girth = parameters.girth;
     basis->Apply(*girth, body);
   }
-  return report;
+  return usable;
 }
 
 double MeanRimError(const RimEvidence& evidence,

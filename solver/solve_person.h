@@ -14,19 +14,22 @@ struct OutlineFit {
   double sigma;          // metres
   double max_distance;   // pixels between contour and rim
   int max_iterations;
+  int stride;            // every n-th outline point counts, n times as much
 };
 
 // One solve of poses, lengths and girths of a person with all residual
 // families: finds the rims of the body as it stands, assembles the problem and
 // solves it. `basis` null: girths stay. Updates body (lengths, girths), joints
-// and girth; returns the report of the solve.
-nlohmann::ordered_json SolvePerson(const std::vector<PoseEvidence>& evidence,
-                                   const OutlineFit& outline,
-                                   const JointOptions& options,
-                                   const GirthBasis* basis,
-                                   std::vector<double>* girth,
-                                   Body* body,
-                                   JointResult* joints);
+// and girth. False when no usable solution was found. `report` may be null;
+// otherwise it and the covariances of the joints are filled, which costs.
+bool SolvePerson(const std::vector<PoseEvidence>& evidence,
+                 const OutlineFit& outline,
+                 const JointOptions& options,
+                 const GirthBasis* basis,
+                 std::vector<double>* girth,
+                 Body* body,
+                 JointResult* joints,
+                 nlohmann::ordered_json* report);
 
 // Mean distance in metres between the rim of the body and the silhouettes.
 double MeanRimError(const RimEvidence& evidence, const std::vector<View>& views);
