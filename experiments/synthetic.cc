@@ -39,8 +39,7 @@ struct Subject {
   std::array<Vector3d, kNumJoints> joint_in_world;
   TriangleMesh mesh;
   std::vector<Vector3d> normals;
-  std::vector<Vector3d> rest_points;  // per vertex, for the colours
-  std::vector<double> openness;       // per vertex: 0 in a crease .. 1
+  std::vector<DressedBody::VertexLooks> looks;  // per vertex
   std::vector<ContactShadow> shadows;
 };
 
@@ -54,22 +53,7 @@ Subject MakeSubject(const SyntheticOptions& options,
   subject.pose = pose;
   subject.mesh = body.Mesh(kVoxelSize * shape.stature);
   subject.normals = VertexNormals(subject.mesh);
-  const size_t count = subject.mesh.vertices.size();
-  subject.rest_points.resize(count);
-  subject.openness.resize(count);
-  tbb::parallel_for(size_t{0}, count, [&](size_t i) {
-    const Vector3d& v = subject.mesh.vertices[i];
-    subject.rest_points[i] = body.RestPoint(v);
-    // Free space along the normal, at two distances.
-    double open = 0;
-    for (double step : {0.03, 0.09}) {
-      open +=
-          0.5 * std::clamp(body.Distance(v + step * subject.normals[i]) / step,
-                           0.0,
-                           1.0);
-    }
-    subject.openness[i] = open;
-  });
+  subject.looks = body.Looks(subject.mesh, subject.normals);
 
   const Eigen::AngleAxisd turn(options.yaw_degrees * std::numbers::pi / 180,
                                Vector3d::UnitY());
@@ -79,7 +63,7 @@ Subject MakeSubject(const SyntheticOptions& options,
     subject.joint_in_world[j] =
         world_from_canonical * person.joint_in_world[j] + shift;
   }
-  for (size_t i = 0; i < count; ++i) {
+  for (size_t i = 0; i < subject.mesh.vertices.size(); ++i) {
     subject.mesh.vertices[i] =
         world_from_canonical * subject.mesh.vertices[i] + shift;
     subject.normals[i] = world_from_canonical * subject.normals[i];
@@ -124,8 +108,8 @@ Vector3d Shade(const Subject& subject,
   double open = 0;
   for (int i = 0; i < 3; ++i) {
     normal += sample.weights[i] * subject.normals[t[i]];
-    rest += sample.weights[i] * subject.rest_points[t[i]];
-    open += sample.weights[i] * subject.openness[t[i]];
+    rest += sample.weights[i] * subject.looks[t[i]].rest_point;
+    open += sample.weights[i] * subject.looks[t[i]].openness;
   }
   normal.normalize();
   const double ambient = 0.45 * open * (0.7 + 0.3 * normal.y());

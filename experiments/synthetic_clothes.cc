@@ -11,17 +11,17 @@ namespace {
 
 using Eigen::Vector3d;
 
-// A well-mixed hash of a lattice point (finaliser of MurmurHash3).
+// A value in -1..1 for every lattice point (finaliser of MurmurHash3).
 double LatticeValue(int x, int y, int z, std::uint32_t seed) {
-  std::uint32_t h = seed;
-  for (int value : {x, y, z}) {
-    h ^= static_cast<std::uint32_t>(value) * 0x9e3779b9u;
-    h ^= h >> 16;
-    h *= 0x85ebca6bu;
-    h ^= h >> 13;
-    h *= 0xc2b2ae35u;
-    h ^= h >> 16;
-  }
+  std::uint32_t h = seed * 0x9e3779b9u +
+                    static_cast<std::uint32_t>(x) * 0x8da6b343u +
+                    static_cast<std::uint32_t>(y) * 0xd8163841u +
+                    static_cast<std::uint32_t>(z) * 0xcb1ab31fu;
+  h ^= h >> 16;
+  h *= 0x85ebca6bu;
+  h ^= h >> 13;
+  h *= 0xc2b2ae35u;
+  h ^= h >> 16;
   return h * (2.0 / 4294967295.0) - 1;
 }
 

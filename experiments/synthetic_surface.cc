@@ -58,7 +58,7 @@ DressedBody::PartLists DressedBody::NearParts(const Vector3d& center,
                                               double radius) const {
   // First-order distances can be off by some tens of percent away from the
   // surface, and blends reach further than the nearest part.
-  const double reach = 3 * radius + 0.12 * stature_;
+  const double reach = 2.6 * radius + 0.08 * stature_;
   double nearest = std::numeric_limits<double>::infinity();
   std::array<std::vector<double>, kNumBodyGroups> distances;
   for (int group = 0; group < kNumBodyGroups; ++group) {
@@ -107,14 +107,6 @@ double DressedBody::Distance(const Vector3d& point,
   return std::max(distance, -point.y());
 }
 
-double DressedBody::Distance(const Vector3d& point) const {
-  return Distance(point, all_parts_);
-}
-
-Vector3d DressedBody::RestPoint(const Vector3d& point) const {
-  return RestPoint(point, Undressed(point, all_parts_));
-}
-
 Vector3d DressedBody::RestPoint(const Vector3d& point, const Bare& bare) const {
   const double lowest =
       *std::min_element(bare.to_bone.begin(), bare.to_bone.end());
@@ -130,6 +122,31 @@ Vector3d DressedBody::RestPoint(const Vector3d& point, const Bare& bare) const {
                                      (point - person_.joint_in_world[bone]));
   }
   return sum / total;
+}
+
+std::vector<DressedBody::VertexLooks> DressedBody::Looks(
+    const TriangleMesh& mesh, const std::vector<Vector3d>& normals) const {
+  constexpr std::array kSteps = {0.03, 0.09};  // metres along the normal
+  // Neighbours in the list are mostly neighbours in space.
+  constexpr size_t kChunk = 64;
+  const size_t count = mesh.vertices.size();
+  std::vector<VertexLooks> looks(count);
+  tbb::parallel_for(size_t{0}, (count + kChunk - 1) / kChunk, [&](size_t c) {
+    const size_t begin = c * kChunk, end = std::min(count, begin + kChunk);
+    Eigen::AlignedBox3d box;
+    for (size_t i = begin; i < end; ++i) box.extend(mesh.vertices[i]);
+    const PartLists lists =
+        NearParts(box.center(), 0.5 * box.diagonal().norm() + kSteps.back());
+    for (size_t i = begin; i < end; ++i) {
+      const Vector3d& v = mesh.vertices[i];
+      looks[i].rest_point = RestPoint(v, Undressed(v, lists));
+      for (double step : kSteps) {
+        const double free = Distance(v + step * normals[i], lists);
+        looks[i].openness += std::clamp(free / step, 0.0, 1.0) / kSteps.size();
+      }
+    }
+  });
+  return looks;
 }
 
 TriangleMesh DressedBody::Mesh(double voxel_size) const {

@@ -18,10 +18,17 @@ class DressedBody {
               const PosedPerson& person,
               const Outfit& outfit);
 
-  double Distance(const Eigen::Vector3d& point) const;
-  // Where the point would be in the rest pose: a smooth mixture over the bones
-  // near it.
-  Eigen::Vector3d RestPoint(const Eigen::Vector3d& point) const;
+  // What drawing needs to know of a vertex.
+  struct VertexLooks {
+    // Where it would be in the rest pose: a smooth mixture over the bones near
+    // it.
+    Eigen::Vector3d rest_point;
+    // Free space along the normal: 0 in a crease .. 1.
+    double openness = 0;
+  };
+  std::vector<VertexLooks> Looks(
+      const TriangleMesh& mesh,
+      const std::vector<Eigen::Vector3d>& normals) const;
 
   // The zero surface: closed, the soles on y = 0.
   TriangleMesh Mesh(double voxel_size) const;

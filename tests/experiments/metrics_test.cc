@@ -108,7 +108,7 @@ TEST(CompareMasks, ShiftedDiscsHaveMeanDistanceOfTheShiftsNormalPart) {
       CompareMasks(Disc(60.0, 60, 40), Disc(61.5, 60, 40));
   // Mean of |1.5 cos(angle)| over the circle.
   EXPECT_NEAR(error.boundary_mean, 1.5 * 2 / std::numbers::pi, 0.02);
-  EXPECT_NEAR(error.boundary_p95, 1.5, 0.03);
+  EXPECT_NEAR(error.boundary_p95, 1.5, 0.08);
   EXPECT_NEAR(error.signed_mean, 0, 0.01);
 }
 
