@@ -169,9 +169,22 @@ class HalfPlacer {
     }
   }
 
+  // The opening lies a little inside the flank, however wide that is.
+  Vector3d ArmHoleCenter() const {
+    const TemplateTables& tables = solid_.tables();
+    const DistanceFunction trunk = [&](const Vector3d& p) {
+      return solid_.Trunk(p);
+    };
+    const Vector3d arm_pit = solid_.TrunkCenter(tables.arm_pit * stature_);
+    const double flank = Exit(trunk, arm_pit, Vector3d::UnitX()).x();
+    Vector3d hole = stature_ * tables.arm_hole;
+    hole.x() = std::min(flank - hole.x(), solid_.joints()[kLShoulder].x());
+    return hole;
+  }
+
   void PlaceArm() {
     const TemplateTables& tables = solid_.tables();
-    const Vector3d hole = stature_ * tables.arm_hole;
+    const Vector3d hole = ArmHoleCenter();
     const double lean = tables.arm_hole_lean;
     const Vector3d hole_normal(std::cos(lean), std::sin(lean), 0);
     const DistanceFunction trunk_and_arm = [&](const Vector3d& p) {
@@ -206,10 +219,17 @@ class HalfPlacer {
       for (int j = 0; j < R::kArmColumns; ++j) {
         const int id = half_.arm[row][j];
         if (id < 0) continue;
-        position_[id] =
-            Exit(row < kFreeRow ? trunk_and_arm : arm,
-                 center,
-                 std::cos(theta[j]) * front + std::sin(theta[j]) * under);
+        const Vector3d ray =
+            std::cos(theta[j]) * front + std::sin(theta[j]) * under;
+        position_[id] = Exit(row < kFreeRow ? trunk_and_arm : arm, center, ray);
+        if (row == 0 || row >= kFreeRow) continue;
+        // Rays that would run on through the trunk stop near the arm.
+        const Vector3d on_arm = Exit(arm, center, ray);
+        const double limit =
+            (on_arm - center).norm() + tables.blend.arm * stature_;
+        const Vector3d reach = position_[id] - center;
+        if (reach.norm() > limit)
+          position_[id] = center + limit * reach.normalized();
       }
     }
   }
@@ -227,7 +247,7 @@ class HalfPlacer {
     if (by_length <= 0) return angle;
     constexpr int kSamples = 360;
     std::vector<double> length(kSamples + 1, 0.0);
-    Vector3d last;
+    Vector3d last = Vector3d::Zero();
     for (int i = 0; i <= kSamples; ++i) {
       const double theta = 2 * kPi * i / kSamples;
       const Vector3d point =
@@ -308,30 +328,43 @@ class HalfPlacer {
                                 tables.blend.leg * stature_),
                       mid_plane - p.x());
     };
-    // The strip hangs between its ends like a chain; relaxation does the rest.
-    const Vector3d front = position_[half_.strip.front()];
-    const Vector3d back = position_[half_.strip.back()];
-    for (int i = 1; i < R::kStripEdges; ++i) {
-      const double t = static_cast<double>(i) / R::kStripEdges;
-      position_[half_.strip[i]] =
-          (1 - t) * front + t * back -
-          Vector3d(0, 0.006 * stature_ * 4 * t * (1 - t), 0);
-    }
+    PlaceStrip();
     constexpr int kLevelRow = 14;  // the first ring in a horizontal plane
     const double side_height = position_[half_.trunk[0][R::kHalfTrunk / 2]].y();
     const double crotch = position_[half_.strip[R::kStripEdges / 2]].y();
-    const double first_slope = (side_height - crotch) /
-                               position_[half_.trunk[0][R::kHalfTrunk / 2]].x();
     for (int row = 1; row <= R::kAnkleRow; ++row) {
       const Vector3d center = solid_.LegCenter(Bones(tables.leg_rings, row));
-      const double slope =
-          first_slope * (1 - SmoothStep(static_cast<double>(row) / kLevelRow));
+      // Outside the ring hangs from the side of the hip, inside from the strip.
+      const double level = SmoothStep(static_cast<double>(row) / kLevelRow);
+      const double below_strip = crotch - 0.003 * stature_ * row;
+      const double inner = center.x() - mid_plane;
+      const double outer_slope =
+          (1 - level) * (side_height - center.y()) / (2 * inner);
+      const double inner_slope =
+          (1 - level) * std::max(0.0, center.y() - below_strip) / inner;
       for (int j = 0; j < R::kLegColumns; ++j) {
         const double theta = LegAngle(j);
         const double lateral = -std::sin(theta);
+        const double slope = lateral > 0 ? outer_slope : inner_slope;
         position_[half_.leg[row][j]] =
             Exit(distance, center, {lateral, slope * lateral, std::cos(theta)});
       }
+    }
+  }
+
+  // Straight down onto the surface between the legs.
+  void PlaceStrip() {
+    const Vector3d front = position_[half_.strip.front()];
+    const Vector3d back = position_[half_.strip.back()];
+    const DistanceFunction body = [&](const Vector3d& p) {
+      return solid_.Body(p);
+    };
+    for (int i = 1; i < R::kStripEdges; ++i) {
+      const double t = static_cast<double>(i) / R::kStripEdges;
+      Vector3d from = (1 - t) * front + t * back;
+      from.y() = std::max(front.y(), back.y()) + 0.01 * stature_;
+      position_[half_.strip[i]] = Exit(body, from, -Vector3d::UnitY());
+      position_[half_.strip[i]].x() = 0;
     }
   }
 

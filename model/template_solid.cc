@@ -86,6 +86,8 @@ std::vector<StackSection> TemplateSolid::Scaled(const SectionTable& table,
     if (tables_.girths[i].part == part)
       level_scale.push_back({tables_.girths[i].level, girth_scale_[i]});
   }
+  // Shoulders keep their size whatever the chest.
+  if (part == "trunk") level_scale.push_back({table.sections.back().s, 1.0});
   std::sort(level_scale.begin(), level_scale.end());
   std::vector<StackSection> sections = table.sections;
   for (StackSection& section : sections) {
@@ -100,6 +102,11 @@ std::vector<StackSection> TemplateSolid::Scaled(const SectionTable& table,
             std::min(1.0, (section.s - level) / (next_level - level));
         scale += t * (next_value - value);
       }
+    }
+    // Thighs grow outwards: inside they would meet.
+    if (part == "leg") {
+      const double thigh = std::clamp(1 - section.s, 0.0, 1.0);
+      section.center_x += thigh * (scale - 1) * section.half_x;
     }
     section.half_x *= scale;
     section.half_y *= scale;

@@ -205,6 +205,7 @@ void ReadRings(const TableReader& reader,
   tables->groin_rows = reader.Number(reader.Key(root, "groin_rows"));
   const YAML::Node hole = reader.Key(root, "arm_hole");
   tables->arm_hole = Vector(reader.Blended(hole, 3));
+  tables->arm_pit = reader.BlendedNumber(reader.Key(hole, "arm_pit"));
   tables->arm_hole_lean =
       Radians(reader.Number(reader.Key(hole, "lean_degrees")));
   for (const Numbers& row : reader.Rows(reader.Key(root, "arm_rings"), 2))

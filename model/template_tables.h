@@ -64,7 +64,9 @@ struct TemplateTables {
   std::vector<TrunkRingKey> trunk_rings;
   double groin_drop = 0;
   double groin_rows = 0;
+  // Of the arm's opening: inset of the centre from the flank, height, z.
   Eigen::Vector3d arm_hole;
+  double arm_pit = 0;        // height where the flank is measured
   double arm_hole_lean = 0;  // radians
   std::vector<LimbRingKey> arm_rings, leg_rings;
 
