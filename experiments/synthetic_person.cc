@@ -570,7 +570,8 @@ PersonShape DrawPersonShape(unsigned seed) {
     shape.body_mass_index = 23.5 + random.Spread(3);
   }
   const double c = shape.childhood;
-  const double fat = shape.body_mass_index / 22;
+  // The girths below, dressed lightly, weigh what an index of 24.5 weighs.
+  const double fat = shape.body_mass_index / 24.5;
   const auto vary = [&](double sigma) { return 1 + random.Spread(sigma); };
   shape.trunk_breadth = std::pow(fat, 0.35) * vary(0.03);
   shape.trunk_depth = std::pow(fat, 0.55) * vary(0.04);
