@@ -102,8 +102,9 @@ void FillFalseHoles(const BackgroundDifference& difference,
   std::vector<bool> fill(holes.count, false);
   for (int i = 1; i < holes.count; ++i) {
     const int area = holes.Area(i);
-    fill[i] = area <= kPinHole || (area < kLargestShare * person_area &&
-                                   sum[i] / area > options.threshold_low);
+    fill[i] =
+        area <= kPinHole || (area < kLargestShare * person_area &&
+                             sum[i] / area > 0.25 * options.threshold_low);
   }
   *mask |= Select(holes, fill);
 }

@@ -69,14 +69,12 @@ cv::Mat Square(int radius) {
                                    {2 * radius + 1, 2 * radius + 1});
 }
 
-// Change of ln light per pixel.
-cv::Mat1f Slope(const cv::Mat1f& log_light) {
+// Length of the gradient, per pixel.
+cv::Mat1f Slope(const cv::Mat1f& image) {
   constexpr double kSobelScale = 0.125;
   cv::Mat1f dx, dy, slope;
-  cv::Sobel(
-      log_light, dx, CV_32F, 1, 0, 3, kSobelScale, 0, cv::BORDER_REPLICATE);
-  cv::Sobel(
-      log_light, dy, CV_32F, 0, 1, 3, kSobelScale, 0, cv::BORDER_REPLICATE);
+  cv::Sobel(image, dx, CV_32F, 1, 0, 3, kSobelScale, 0, cv::BORDER_REPLICATE);
+  cv::Sobel(image, dy, CV_32F, 0, 1, 3, kSobelScale, 0, cv::BORDER_REPLICATE);
   cv::magnitude(dx, dy, slope);
   return slope;
 }
@@ -155,6 +153,24 @@ Noise MeasureNoise(const cv::Mat3f& lab,
           std::max(sigma_l / options.sigma_l, sigma_ab / options.sigma_ab)};
 }
 
+struct Variance {
+  cv::Mat1f l, ab;
+};
+
+// Noise, and what the plate's own edges do when the camera shakes a little.
+Variance PixelVariance(const cv::Mat3f& plate_lab, const Noise& noise) {
+  constexpr float kShake = 0.25f;  // px
+  std::vector<cv::Mat1f> channels;
+  cv::split(plate_lab, channels);
+  const cv::Mat1f l = kShake * Slope(channels[0]);
+  const cv::Mat1f a = kShake * Slope(channels[1]);
+  const cv::Mat1f b = kShake * Slope(channels[2]);
+  Variance variance;
+  variance.l = l.mul(l) + noise.sigma_l * noise.sigma_l;
+  variance.ab = 0.5 * (a.mul(a) + b.mul(b)) + noise.sigma_ab * noise.sigma_ab;
+  return variance;
+}
+
 }  // namespace
 
 cv::Mat3f ToLinear(const cv::Mat3b& picture) {
@@ -214,35 +230,45 @@ BackgroundDifference PlateDifference(const cv::Mat3b& picture,
   const cv::Mat3f lab = ToLab(smooth);
   const cv::Mat3f plate_lab = ToLab(result.background_linear);
 
+  // A plate with a colour of its own (a key screen): the same hue and
+  // saturation are proof enough of a shadow, outline or not.
+  constexpr float kOwnColour = 20;
+  constexpr float kSameColour = 0.2f;
   const Noise noise = MeasureNoise(lab, plate_lab, options);
-  const float per_l = static_cast<float>(options.lightness_weight) /
-                      (noise.sigma_l * noise.sigma_l);
-  const float per_ab = 1 / (noise.sigma_ab * noise.sigma_ab);
+  const Variance variance = PixelVariance(plate_lab, noise);
+  const float weight_l = static_cast<float>(options.lightness_weight);
   result.squared_unexplained.create(picture.size());
   cv::Mat1f explained(picture.size()), log_light(picture.size());
-  cv::Mat1b candidate(picture.size());
+  cv::Mat1b candidate(picture.size()), same_colour(picture.size());
   for (int y = 0; y < picture.rows; ++y) {
     for (int x = 0; x < picture.cols; ++x) {
       const cv::Vec3f& p = lab(y, x);
       const cv::Vec3f& q = plate_lab(y, x);
       const cv::Vec3f d = p - q;
+      const float variance_ab = variance.ab(y, x);
       result.squared_unexplained(y, x) =
-          per_l * d[0] * d[0] + per_ab * (d[1] * d[1] + d[2] * d[2]);
+          weight_l * d[0] * d[0] / variance.l(y, x) +
+          (d[1] * d[1] + d[2] * d[2]) / variance_ab;
       // L + 16 scales with the cube root of the light, and so do a and b.
       const float k = (p[0] + 16) / (q[0] + 16);
       const float da = p[1] - k * q[1];
       const float db = p[2] - k * q[2];
-      const float chroma_squared = da * da + db * db;
-      explained(y, x) = per_ab * chroma_squared;
+      const float chroma = std::hypot(da, db);
+      explained(y, x) = chroma * chroma / variance_ab;
       log_light(y, x) = 3 * std::log(k);
-      candidate(y, x) =
-          IsShadowOrHighlight(p[0], q[0], std::sqrt(chroma_squared)) ? 255 : 0;
+      candidate(y, x) = IsShadowOrHighlight(p[0], q[0], chroma) ? 255 : 0;
+      const float expected = k * std::hypot(q[1], q[2]);
+      same_colour(y, x) = candidate(y, x) && expected > kOwnColour &&
+                                  chroma < kSameColour * expected
+                              ? 255
+                              : 0;
     }
   }
   const cv::Mat1b plain = result.squared_unexplained < options.threshold_low;
   const cv::Mat1f slope = Slope(log_light);
   constexpr float kOutline = 0.07f, kOutlineAtFeet = 0.25f;
-  const auto explain = [&](const cv::Mat1b& lit) {
+  const auto explain = [&](cv::Mat1b lit) {
+    lit |= same_colour;
     cv::Mat1f squared = result.squared_unexplained.clone();
     cv::Mat1f(cv::min(squared, explained)).copyTo(squared, lit);
     return squared;

@@ -43,8 +43,10 @@ struct View {
 };
 
 // Segments the pictures of one pose. The result has one view per camera id, in
-// that order. InputError when a picture cannot be used, FitError when no
-// silhouette is left (nobody there).
+// that order, without the cameras that have no picture or whose computed
+// silhouette cannot be that of a person (nobody seen, the plate of another
+// camera): a warning names each of them. InputError when a picture or a given
+// mask cannot be used, FitError when fewer than two silhouettes are left.
 std::vector<View> Segment(const Capture& capture,
                           const CapturePose& pose,
                           const std::vector<std::string>& camera_ids,
@@ -52,7 +54,10 @@ std::vector<View> Segment(const Capture& capture,
                           Progress* progress,
                           StageSummary* summary);
 
-// Signed distance in pinhole pixels of a coverage mask.
+// Signed distance in pinhole pixels of a coverage mask given in the picture as
+// taken. Exact to the polyline within 3 px, a few hundredths of a pixel beyond.
+// The picture's frame is no boundary: where it cuts the person, the distance is
+// to the nearest boundary that is seen. Width + height where there is none.
 cv::Mat1f SignedDistance(const Camera& camera, const cv::Mat1f& coverage);
 
 // Value and gradient of an image by bilinear interpolation; coordinates outside
@@ -65,7 +70,10 @@ ImageSample SampleBilinear(const cv::Mat1f& image, const Eigen::Vector2d& pixel)
 
 // Closed polylines of the 0.5 level of a coverage mask by marching squares, in
 // pixels of the picture, largest enclosed area first; the inside lies to the
-// left when walking along (holes run the other way).
+// left when walking along, as seen in the picture: outlines run
+// counter-clockwise to the eye (holes the other way). Where the picture's frame
+// cuts the person, the contour runs within a pixel outside the outermost pixel
+// centres.
 std::vector<std::vector<Eigen::Vector2d>> SubpixelContours(
     const cv::Mat1f& coverage);
 
