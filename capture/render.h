@@ -19,8 +19,8 @@ class RayScene {
   RayScene& operator=(RayScene&&) noexcept;
 
   struct Hit {
-    int triangle = -1;   // -1: nothing hit
-    double distance = 0; // along the (unit) direction, metres
+    int triangle = -1;      // -1: nothing hit
+    double distance = 0;    // along the (unit) direction, metres
     double b1 = 0, b2 = 0;  // barycentric weights of the 2nd and 3rd vertex
   };
   Hit Intersect(const Eigen::Vector3d& origin,

@@ -33,13 +33,13 @@ struct SegmentOptions {
 // What one camera saw of the person in one pose.
 struct View {
   Camera camera;
-  cv::Mat3b image;           // as taken
-  cv::Mat1f coverage;        // as taken: share of each pixel covered, 0..1
+  cv::Mat3b image;     // as taken
+  cv::Mat1f coverage;  // as taken: share of each pixel covered, 0..1
   // Signed distance to the silhouette in pixels, negative inside, over the
   // pinhole pixels of K (same size as the picture): sample it at
   // ProjectPinhole. Sub-pixel at the boundary (coverage 0.5).
   cv::Mat1f signed_distance;
-  std::string mode;          // how it was segmented
+  std::string mode;  // how it was segmented
 };
 
 // Segments the pictures of one pose. The result has one view per camera id, in
@@ -66,7 +66,8 @@ struct ImageSample {
   double value;
   Eigen::Vector2d gradient;
 };
-ImageSample SampleBilinear(const cv::Mat1f& image, const Eigen::Vector2d& pixel);
+ImageSample SampleBilinear(const cv::Mat1f& image,
+                           const Eigen::Vector2d& pixel);
 
 // Closed polylines of the 0.5 level of a coverage mask by marching squares, in
 // pixels of the picture, largest enclosed area first; the inside lies to the
