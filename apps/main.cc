@@ -46,11 +46,20 @@ void SilenceLibraries(const char* program) {
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
 }
 
-std::string HelpHint(const CLI::App& command) {
-  for (const CLI::App* verb : command.get_subcommands()) {
-    return " (see sweepfit " + verb->get_name() + " --help)";
+// What is wrong with the arguments, and where to read on.
+std::string UsageError(const CLI::App& command,
+                       const CLI::ParseError& error,
+                       int argc,
+                       char** argv) {
+  const auto verbs = command.get_subcommands();
+  if (!verbs.empty()) {
+    return std::string(error.what()) + " (see sweepfit " +
+           verbs.front()->get_name() + " --help)";
   }
-  return " (see sweepfit --help)";
+  const bool unknown_verb = argc > 1 && argv[1][0] != '-';
+  return (unknown_verb ? "unknown verb '" + std::string(argv[1]) + "'"
+                       : std::string(error.what())) +
+         " (see sweepfit --help)";
 }
 
 int Run(int argc, char** argv) {
@@ -70,7 +79,7 @@ int Run(int argc, char** argv) {
     command.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return command.exit(error);  // --help
-    return Report(error.what() + HelpHint(command), kBadInput);
+    return Report(UsageError(command, error, argc, argv), kBadInput);
   }
   try {
     run();

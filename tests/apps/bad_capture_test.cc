@@ -223,7 +223,7 @@ std::vector<Case> BrokenKeys() {
        [](Scene* s) { s->Edit([](YAML::Node n) { n["camaras"] = 1; }); }},
       {"unknown key of a camera",
        Ends::kBadInput,
-       kBadCamera,
+       "focal",
        [](Scene* s) { s->EditCamera([](YAML::Node n) { n["focal"] = 1; }); }},
       {"missing key of a camera",
        Ends::kBadInput,
@@ -318,7 +318,7 @@ std::vector<Case> BrokenKeys() {
          });
        }},
       {"camera without a picture",
-       Ends::kBadInput,
+       Ends::kMayBeTolerated,
        kBadCamera,
        [](Scene* s) {
          s->EditPose([](YAML::Node n) { n["images"].remove(kBadCamera); });
@@ -521,7 +521,7 @@ std::vector<Case> BrokenArguments() {
   };
 }
 
-// The sound capture is made once per test.
+// Makes the sound capture, which takes longer than most cases.
 class BadCaptureTest : public testing::Test {
  protected:
   BadCaptureTest() {
@@ -538,6 +538,10 @@ class BadCaptureTest : public testing::Test {
       fs::create_directory(place);
       Scene scene(scratch_.path() / "sound", place / "capture");
       broken.prepare(&scene);
+      // What may succeed need not be fitted to the end.
+      if (broken.ends == Ends::kMayBeTolerated) {
+        scene.Argue({"--until", "landmarks"});
+      }
       const auto before = Entries(place);
       const CommandOutcome outcome =
           RunCommand(scene.Arguments(), scratch_.path());
@@ -579,10 +583,12 @@ class BadCaptureTest : public testing::Test {
   TemporaryFolder scratch_;
 };
 
-TEST_F(BadCaptureTest, BrokenFiles) { Run(BrokenFiles()); }
-TEST_F(BadCaptureTest, BrokenKeys) { Run(BrokenKeys()); }
-TEST_F(BadCaptureTest, BrokenSilhouettes) { Run(BrokenSilhouettes()); }
-TEST_F(BadCaptureTest, BrokenArguments) { Run(BrokenArguments()); }
+TEST_F(BadCaptureTest, EachEndsWithOneLineAndNoResult) {
+  Run(BrokenFiles());
+  Run(BrokenKeys());
+  Run(BrokenSilhouettes());
+  Run(BrokenArguments());
+}
 
 }  // namespace
 }  // namespace sweepfit

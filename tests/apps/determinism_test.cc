@@ -42,6 +42,8 @@ TEST(Determinism, SameBytesForAnyNumberOfThreads) {
                                                out.string(),
                                                "--set",
                                                "texture.size=256",
+                                               "global.rounds=2",
+                                               "local.rounds=2",
                                                "--threads",
                                                threads},
                                               scratch.path());
