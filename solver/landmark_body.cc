@@ -17,7 +17,7 @@ namespace {
 constexpr double kMinHeadThickness = 0.03;
 constexpr double kMaxFootHeight = 0.3;
 // From where the arm leaves the trunk to the shoulder joint, along the arm.
-constexpr double kArmpitToShoulder = 0.045;
+constexpr double kArmpitToShoulder = 0.06;
 
 double Median(std::vector<double> values) {
   if (values.empty()) return 0;
@@ -93,6 +93,12 @@ class BodyTracer {
   void AddArms();
   void AddHead();
   void Unsafe(const std::string& limb, const std::string& why);
+  // A joint at s on a limb's line.
+  void AddOnLimb(
+      int joint, const LimbLine& line, double s, double along, double across);
+  // A tip, and a point at s to look from.
+  void AddTip(
+      int joint, const LimbLine& line, double s, double along, double across);
   Eigen::Vector3d LegPointAtHeight(const LimbTrace& leg, double y) const;
 
   const Volume& volume_;
@@ -112,6 +118,30 @@ void BodyTracer::Unsafe(const std::string& limb, const std::string& why) {
     result_.unsafe_limbs.push_back(limb);
   }
   result_.warnings.push_back(limb + ": " + why);
+}
+
+void BodyTracer::AddOnLimb(
+    int joint, const LimbLine& line, double s, double along, double across) {
+  const Eigen::Vector3d tangent = TangentAt(line, s);
+  result_.landmarks.push_back(MakeLandmark(
+      joint, PointAt(line, s), AlongAcross(tangent, along, across)));
+  for (const LimbSection& section : line) {
+    if (section.s < s) continue;
+    if (section.free) {
+      result_.limb_places.push_back(
+          {joint, tangent, 1.1 * section.cut.half_axis_long + 0.005});
+    }
+    break;
+  }
+}
+
+void BodyTracer::AddTip(
+    int joint, const LimbLine& line, double s, double along, double across) {
+  const Eigen::Vector3d tip =
+      TipOfLine(volume_, line, line.front().point_in_world, s);
+  result_.landmarks.push_back(
+      MakeLandmark(joint, tip, AlongAcross(TangentAt(line, s), along, across)));
+  result_.tip_places.push_back({joint, PointAt(line, s)});
 }
 
 LimbTrace BodyTracer::TraceArm(const Extremum& hand) const {
@@ -160,8 +190,8 @@ void BodyTracer::FindArmpit(LimbTrace* arm) const {
     if (section.s < first) continue;
     std::vector<double> areas;
     for (const LimbSection& before : arm->line) {
-      if (before.s > section.s - 0.09 * height_ &&
-          before.s < section.s - 0.02 * height_) {
+      if (before.s > section.s - 0.05 * height_ &&
+          before.s < section.s - 0.015 * height_) {
         areas.push_back(before.cut.area);
       }
     }
@@ -175,7 +205,7 @@ void BodyTracer::FindArmpit(LimbTrace* arm) const {
                       section.tangent.dot(axis) < std::cos(0.5);
     if (!section.free || jump || bent) break;
   }
-  arm->merges_early = arm->s_merge < 0.24 * height_;
+  arm->merges_early = arm->s_merge < 0.3 * height_;
 }
 
 LimbTrace BodyTracer::TraceLeg(const Extremum& foot) const {
@@ -206,7 +236,7 @@ void BodyTracer::FindAnkle(LimbTrace* leg) const {
   // foot look another way.
   double narrowest = 1e9;
   for (const LimbSection& section : leg->line) {
-    if (section.s < 0.1 * height_ || section.s > 0.22 * height_) continue;
+    if (section.s < 0.1 * height_ || section.s > 0.2 * height_) continue;
     if (!section.free || section.cut.area >= narrowest ||
         section.tangent.dot(shank) < 0.94) {
       continue;
@@ -378,7 +408,7 @@ void BodyTracer::AddLegs() {
     if (axis.y() > 0.9) {
       // Over the sole, .0415 H and something for a shoe.
       const double down =
-          RayExit(volume_, narrowest, -Eigen::Vector3d::UnitY(), 0.2);
+          RayExit(volume_, narrowest, -Eigen::Vector3d::UnitY(), 0.3 * height_);
       const double sole = narrowest.y() - down;
       if (down > 0 && sole < floor_ + 0.03 * height_) {
         along = (sole + 0.05 * height_ - axis_point.y()) / axis.y();
@@ -388,10 +418,7 @@ void BodyTracer::AddLegs() {
     const Eigen::Vector3d ankle = axis_point + along * axis;
     result_.landmarks.push_back(
         MakeLandmark(kAnkle[side], ankle, AlongAcross(axis, sigma, 0.010)));
-    const Eigen::Vector3d toe = TipOfLine(
-        volume_, leg.line, leg.line.front().point_in_world, 0.05 * height_);
-    result_.landmarks.push_back(MakeLandmark(
-        kToe[side], toe, 0.015 * 0.015 * Eigen::Matrix3d::Identity()));
+    AddTip(kToe[side], leg.line, 0.05 * height_, 0.015, 0.015);
 
     // The knee: a bend, else the usual share of the way.
     const double s_ankle = s_shank - 0.033 * height_;
@@ -400,18 +427,15 @@ void BodyTracer::AddLegs() {
     double along_knee = 0.028;
     const Bend bend = SharpestBend(
         leg.line,
-        s_ankle + 0.35 * leg_length,
-        std::min(s_ankle + 0.65 * leg_length, leg.s_merge - 0.03 * height_),
+        s_ankle + 0.4 * leg_length,
+        std::min(s_ankle + 0.62 * leg_length, leg.s_merge - 0.1 * height_),
         0.1 * height_);
     if (bend.angle > 0.35) {
       s_knee = bend.s;
       along_knee = 0.02;
     }
     if (s_knee < leg.s_merge) {
-      result_.landmarks.push_back(MakeLandmark(
-          kKnee[side],
-          PointAt(leg.line, s_knee),
-          AlongAcross(TangentAt(leg.line, s_knee), along_knee, 0.010)));
+      AddOnLimb(kKnee[side], leg.line, s_knee, along_knee, 0.010);
     } else {
       Unsafe(kNames[side], "the knee is hidden");
     }
@@ -476,21 +500,21 @@ void BodyTracer::AddArms() {
       continue;
     }
     const LimbTrace& arm = *result_.arm[side];
-    const Eigen::Vector3d tip = TipOfLine(
-        volume_, arm.line, arm.line.front().point_in_world, 0.03 * height_);
-    result_.landmarks.push_back(MakeLandmark(
-        kTip[side],
-        tip,
-        AlongAcross(TangentAt(arm.line, 0.03 * height_), 0.025, 0.012)));
+    // Which finger stands out most depends on the hand.
+    AddTip(kTip[side], arm.line, 0.03 * height_, 0.02, 0.02);
     const double s_wrist = arm.s_wrist_or_ankle;
-    result_.landmarks.push_back(
-        MakeLandmark(kWrist[side],
-                     PointAt(arm.line, s_wrist),
-                     AlongAcross(TangentAt(arm.line, s_wrist),
-                                 arm.is_clear ? 0.014 : 0.022,
-                                 arm.is_clear ? 0.007 : 0.012)));
+    AddOnLimb(kWrist[side],
+              arm.line,
+              s_wrist,
+              arm.is_clear ? 0.014 : 0.03,
+              arm.is_clear ? 0.007 : 0.012);
     if (arm.merges_early) {
       Unsafe(kNames[side], "the arm merges with the trunk");
+      // An elbow before that can still be told by the forearm's usual length.
+      const double s_usual = s_wrist + 0.153 * height_;
+      if (s_usual < arm.s_merge + 0.02 * height_) {
+        AddOnLimb(kElbow[side], arm.line, s_usual, 0.03, 0.018);
+      }
       continue;
     }
     Eigen::Vector3d axis_point, axis;
@@ -507,23 +531,20 @@ void BodyTracer::AddArms() {
         (armpit - axis_point).dot(axis) + kArmpitToShoulder * height_;
     const Eigen::Vector3d shoulder = axis_point + along * axis;
     result_.landmarks.push_back(MakeLandmark(
-        kShoulder[side], shoulder, AlongAcross(axis, 0.03, 0.018)));
+        kShoulder[side], shoulder, AlongAcross(axis, 0.035, 0.02)));
     const double s_shoulder = arm.s_merge + kArmpitToShoulder * height_;
     double s_elbow = s_shoulder - 0.515 * (s_shoulder - s_wrist);
     double along_elbow = 0.03;
     const Bend bend = SharpestBend(
         arm.line,
         s_elbow - 0.06 * height_,
-        std::min(s_elbow + 0.06 * height_, arm.s_merge - 0.05 * height_),
-        0.09 * height_);
+        std::min(s_elbow + 0.06 * height_, arm.s_merge - 0.08 * height_),
+        0.08 * height_);
     if (bend.angle > 0.35) {
       s_elbow = bend.s;
       along_elbow = 0.018;
     }
-    result_.landmarks.push_back(MakeLandmark(
-        kElbow[side],
-        PointAt(arm.line, s_elbow),
-        AlongAcross(TangentAt(arm.line, s_elbow), along_elbow, 0.010)));
+    AddOnLimb(kElbow[side], arm.line, s_elbow, along_elbow, 0.010);
   }
 }
 
@@ -562,6 +583,7 @@ void BodyTracer::AddHead() {
                : ends_.head->point_in_world;
   result_.landmarks.push_back(
       MakeLandmark(kHeadEnd, crown, AlongAcross(head_up, 0.015, 0.025)));
+  result_.tip_places.push_back({kHeadEnd, head_middle});
   const Eigen::Vector3d head = crown - 0.085 * height_ * head_up;
   result_.landmarks.push_back(
       MakeLandmark(kHead, head, AlongAcross(head_up, 0.025, 0.03)));

@@ -48,6 +48,19 @@ struct BodyTrace {
   double facing_confidence = 0;
   double crotch_height = 0;  // above the floor, metres; 0: not found
   std::vector<Landmark3> landmarks;
+  // For joints within a free limb: where to look for its edges in pictures.
+  struct LimbPlace {
+    int joint;
+    Eigen::Vector3d direction;  // unit, of the limb
+    double max_half_width;      // metres
+  };
+  std::vector<LimbPlace> limb_places;
+  // For tips: a point further inside.
+  struct TipPlace {
+    int joint;
+    Eigen::Vector3d base_in_world;
+  };
+  std::vector<TipPlace> tip_places;
   std::vector<std::string> unsafe_limbs;
   std::vector<std::string> warnings;
 };

@@ -3,10 +3,13 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <string_view>
+#include <utility>
 
 #include "model/input_error.h"
 #include "solver/landmark_body.h"
+#include "solver/landmark_contours.h"
 #include "solver/landmark_graph.h"
 
 namespace sweepfit {
@@ -16,6 +19,71 @@ namespace {
 constexpr double kGraphResolution = 140;
 // Ends that stick out less than this share of the body height are none.
 constexpr double kMinProminence = 0.2;
+
+// Looks for the edges of limbs and for tips in every picture.
+void MeasureInViews(const std::vector<View>& views,
+                    const BodyTrace& body,
+                    LandmarkResult* result) {
+  for (Landmark3& landmark : result->landmarks) {
+    for (const BodyTrace::LimbPlace& place : body.limb_places) {
+      if (place.joint != landmark.joint) continue;
+      RefineAcrossLimb(views,
+                       place.direction,
+                       place.max_half_width,
+                       &landmark,
+                       &result->points);
+    }
+    for (const BodyTrace::TipPlace& place : body.tip_places) {
+      if (place.joint != landmark.joint) continue;
+      MeasureTip(views, landmark, place.base_in_world, &result->points);
+    }
+  }
+}
+
+// Standing upright, the crown's height above the floor, with hair and shoes in
+// the spread; else the limbs' usual shares of the stature.
+void EstimateStature(double height, LandmarkResult* result) {
+  const auto find = [&](int joint) { return result->Find(kJointNames[joint]); };
+  const Landmark3* crown = find(kHeadEnd);
+  const Landmark3* neck = find(kNeck);
+  const Landmark3* root = find(kRoot);
+  result->stature = height;
+  result->stature_sigma = 0.1;
+  if (crown == nullptr || neck == nullptr || root == nullptr) return;
+  const Eigen::Vector3d trunk = neck->point_in_world - root->point_in_world;
+  const Eigen::Vector3d head = crown->point_in_world - neck->point_in_world;
+  const double standing = crown->point_in_world.y() - result->floor_height;
+  bool upright =
+      trunk.y() > 0.97 * trunk.norm() && head.y() > 0.9 * head.norm();
+  for (const auto& [hip, ankle] :
+       {std::pair{kLHip, kLAnkle}, std::pair{kRHip, kRAnkle}}) {
+    if (find(hip) == nullptr || find(ankle) == nullptr) continue;
+    const Eigen::Vector3d leg =
+        find(hip)->point_in_world - find(ankle)->point_in_world;
+    // A straight standing leg is nearly half the stature.
+    upright =
+        upright && leg.y() > 0.94 * leg.norm() && leg.norm() > 0.4 * standing;
+  }
+  if (upright) {
+    result->stature = standing;
+    result->stature_sigma = 0.02;
+    return;
+  }
+  // Along the body: head and trunk, then the longer leg and its foot's height.
+  double leg_length = 0;
+  for (const auto& [hip, ankle] :
+       {std::pair{kLHip, kLAnkle}, std::pair{kRHip, kRAnkle}}) {
+    if (find(hip) == nullptr || find(ankle) == nullptr) continue;
+    leg_length = std::max(
+        leg_length,
+        (find(hip)->point_in_world - find(ankle)->point_in_world).norm());
+  }
+  if (leg_length == 0) return;
+  constexpr double kAnkleShare = 0.045;
+  result->stature =
+      (head.norm() + trunk.norm() + leg_length) / (1 - kAnkleShare);
+  result->stature_sigma = 0.05;
+}
 
 void Summarize(const LandmarkResult& result,
                const BodyTrace& body,
@@ -68,7 +136,6 @@ LandmarkResult FindLandmarks(const std::vector<View>& views,
                              StageSummary* summary) {
   const auto start = std::chrono::steady_clock::now();
   if (const auto error = options.Check()) throw InputError(*error);
-  static_cast<void>(views);
   LandmarkResult result;
   result.floor_height = volume.BoxMin().y();
   const double height = volume.BoxMax().y() - volume.BoxMin().y();
@@ -81,17 +148,14 @@ LandmarkResult FindLandmarks(const std::vector<View>& views,
   const BodyEnds ends = NameExtrema(extrema, height, result.floor_height);
   BodyTrace body = TraceBody(volume, ends, height, result.floor_height);
   result.landmarks = std::move(body.landmarks);
+  MeasureInViews(views, body, &result);
   std::sort(result.landmarks.begin(),
             result.landmarks.end(),
             [](const auto& a, const auto& b) { return a.joint < b.joint; });
   result.facing_in_world = body.facing_in_world;
   result.facing_confidence = body.facing_confidence;
   result.unsafe_limbs = body.unsafe_limbs;
-  const Landmark3* crown = result.Find("head_end");
-  result.stature = crown != nullptr
-                       ? crown->point_in_world.y() - result.floor_height
-                       : height;
-  result.stature_sigma = crown != nullptr ? 0.02 : 0.1;
+  EstimateStature(height, &result);
   Summarize(result, body, progress, summary);
   if (summary != nullptr) {
     summary->seconds =
