@@ -16,8 +16,12 @@ namespace {
 
 constexpr double kMinHeadThickness = 0.03;
 constexpr double kMaxFootHeight = 0.3;
+// A wrist lies between these, from the finger tips.
+constexpr double kFirstWrist = 0.085;
+constexpr double kLastWrist = 0.135;
 // From where the arm leaves the trunk to the shoulder joint, along the arm.
-constexpr double kArmpitToShoulder = 0.06;
+constexpr double kArmpitToShoulder = 0.045;
+constexpr double kWristToShoulder = 0.29;
 
 double Median(std::vector<double> values) {
   if (values.empty()) return 0;
@@ -160,7 +164,9 @@ void BodyTracer::FindWrist(LimbTrace* arm) const {
   // The narrowest section, by its longer axis, where a wrist can be.
   double narrowest = 1e9;
   for (const LimbSection& section : arm->line) {
-    if (section.s < 0.065 * height_ || section.s > 0.14 * height_) continue;
+    if (section.s < kFirstWrist * height_ || section.s > kLastWrist * height_) {
+      continue;
+    }
     if (!section.free || section.cut.half_axis_long >= narrowest) continue;
     narrowest = section.cut.half_axis_long;
     arm->s_wrist_or_ankle = section.s;
@@ -175,7 +181,10 @@ void BodyTracer::FindWrist(LimbTrace* arm) const {
       forearm = std::max(forearm, section.cut.half_axis_long);
     }
   }
-  arm->is_clear = std::min(hand / narrowest, forearm / narrowest) > 1.15;
+  constexpr double kMargin = 0.008;  // a minimum at the end is none
+  arm->is_clear = std::min(hand / narrowest, forearm / narrowest) > 1.15 &&
+                  arm->s_wrist_or_ankle > (kFirstWrist + kMargin) * height_ &&
+                  arm->s_wrist_or_ankle < (kLastWrist - kMargin) * height_;
   if (arm->is_clear) {
     arm->s_wrist_or_ankle -= 0.005 * height_;  // narrowest above the joint
   } else {
@@ -508,15 +517,6 @@ void BodyTracer::AddArms() {
               s_wrist,
               arm.is_clear ? 0.014 : 0.03,
               arm.is_clear ? 0.007 : 0.012);
-    if (arm.merges_early) {
-      Unsafe(kNames[side], "the arm merges with the trunk");
-      // An elbow before that can still be told by the forearm's usual length.
-      const double s_usual = s_wrist + 0.153 * height_;
-      if (s_usual < arm.s_merge + 0.02 * height_) {
-        AddOnLimb(kElbow[side], arm.line, s_usual, 0.03, 0.018);
-      }
-      continue;
-    }
     Eigen::Vector3d axis_point, axis;
     if (!FitAxis(arm.line,
                  arm.s_merge - 0.1 * height_,
@@ -526,13 +526,24 @@ void BodyTracer::AddArms() {
       Unsafe(kNames[side], "the upper arm cannot be followed");
       continue;
     }
-    const Eigen::Vector3d armpit = PointAt(arm.line, arm.s_merge);
+    double s_shoulder = arm.s_merge + kArmpitToShoulder * height_;
+    double along_shoulder = 0.035;
+    double across_shoulder = 0.02;
+    if (arm.merges_early) {
+      Unsafe(kNames[side], "the arm merges with the trunk below the armpit");
+      // As far as arms usually reach, in the direction last seen.
+      s_shoulder = std::max(s_shoulder, s_wrist + kWristToShoulder * height_);
+      along_shoulder = 0.05;
+      across_shoulder = 0.04;
+    }
+    const Eigen::Vector3d last = PointAt(arm.line, arm.s_merge);
     const double along =
-        (armpit - axis_point).dot(axis) + kArmpitToShoulder * height_;
+        (last - axis_point).dot(axis) + s_shoulder - arm.s_merge;
     const Eigen::Vector3d shoulder = axis_point + along * axis;
-    result_.landmarks.push_back(MakeLandmark(
-        kShoulder[side], shoulder, AlongAcross(axis, 0.035, 0.02)));
-    const double s_shoulder = arm.s_merge + kArmpitToShoulder * height_;
+    result_.landmarks.push_back(
+        MakeLandmark(kShoulder[side],
+                     shoulder,
+                     AlongAcross(axis, along_shoulder, across_shoulder)));
     double s_elbow = s_shoulder - 0.515 * (s_shoulder - s_wrist);
     double along_elbow = 0.03;
     const Bend bend = SharpestBend(
@@ -544,7 +555,9 @@ void BodyTracer::AddArms() {
       s_elbow = bend.s;
       along_elbow = 0.018;
     }
-    AddOnLimb(kElbow[side], arm.line, s_elbow, along_elbow, 0.010);
+    if (s_elbow < arm.s_merge + 0.02 * height_) {
+      AddOnLimb(kElbow[side], arm.line, s_elbow, along_elbow, 0.012);
+    }
   }
 }
 

@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "solver/landmarks.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <string>
+
+#include "tests/volume/capsule_person.h"
+
+namespace sweepfit {
+namespace {
+
+using testing::CapsulePerson;
+using ::testing::Contains;
+using testing::MakePerson;
+using testing::RenderRing;
+
+constexpr double kA = 0.8;  // arms, radians from the vertical
+constexpr double kT = std::numbers::pi / 2;
+constexpr double kN = 0.3;
+
+LandmarkResult Find(const CapsulePerson& person,
+                    StageSummary* summary = nullptr,
+                    double roll = 0) {
+  const Eigen::Vector3d target(
+      person.joint[kRoot].x(), 0.85, person.joint[kRoot].z());
+  const std::vector<View> views =
+      RenderRing(person.capsules, target, 8, 300, roll);
+  HullOptions hull;
+  hull.voxel_size = 0.006;
+  const Volume volume = BuildVisualHull(views, hull, nullptr, nullptr);
+  return FindLandmarks(views, volume, LandmarkOptions(), nullptr, summary);
+}
+
+struct Stance {
+  double arm;
+  double yaw;
+  Eigen::Vector3d shift;
+};
+
+class StanceTest : public ::testing::TestWithParam<Stance> {};
+
+TEST_P(StanceTest, FindsJointsOnTheirSides) {
+  const Stance& stance = GetParam();
+  const CapsulePerson person = MakePerson(stance.arm, stance.yaw, stance.shift);
+  StageSummary summary;
+  const LandmarkResult result = Find(person, &summary);
+
+  const Eigen::Vector3d facing(std::sin(stance.yaw), 0, std::cos(stance.yaw));
+  EXPECT_GT(result.facing_in_world.dot(facing), 0.97);
+  EXPECT_GT(result.facing_confidence, 0.5);
+  EXPECT_NEAR(result.stature, 1.70, 0.03);
+  EXPECT_LT(result.stature_sigma, 0.03);
+
+  for (const Landmark3& landmark : result.landmarks) {
+    const Eigen::Vector3d error =
+        landmark.point_in_world - person.joint[landmark.joint];
+    // No left landmark near a right joint, and none far off.
+    EXPECT_LT(error.norm(), 0.11) << landmark.name;
+    // The covariance is honest.
+    EXPECT_LT(error.dot(landmark.covariance.ldlt().solve(error)), 25)
+        << landmark.name << " " << error.transpose();
+    EXPECT_GT(landmark.covariance.selfadjointView<Eigen::Lower>()
+                  .eigenvalues()
+                  .minCoeff(),
+              0);
+  }
+  for (const char* name : {"root",
+                           "neck",
+                           "head_end",
+                           "l_wrist",
+                           "r_wrist",
+                           "l_ankle",
+                           "r_ankle",
+                           "l_foot_end",
+                           "r_foot_end",
+                           "l_knee",
+                           "r_knee",
+                           "l_hand_end",
+                           "r_hand_end",
+                           "l_elbow",
+                           "r_elbow",
+                           "l_shoulder",
+                           "r_shoulder"}) {
+    ASSERT_NE(result.Find(name), nullptr) << name;
+  }
+  for (const char* name : {"l_wrist", "r_wrist", "l_ankle", "r_ankle"}) {
+    const Landmark3& landmark = *result.Find(name);
+    EXPECT_LT((landmark.point_in_world - person.joint[landmark.joint]).norm(),
+              0.04)
+        << name;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Stances,
+    StanceTest,
+    ::testing::Values(Stance{kA, 0, {0, 0, 0}},
+                      Stance{kA, 0.5 * std::numbers::pi, {1, 0, 0}},
+                      Stance{kA, std::numbers::pi, {0, 0, -1}},
+                      Stance{kA, 1.5 * std::numbers::pi, {-3, 0, 2}},
+                      Stance{kT, 0.3, {0, 0, 0}},
+                      Stance{kT, std::numbers::pi + 0.2, {1, 0, 1}},
+                      Stance{kN, 0.5 * std::numbers::pi, {0, 0, 0}},
+                      Stance{kN, std::numbers::pi, {0, 0, 0}}));
+
+TEST(LandmarksTest, RolledCamerasSeeTheSame) {
+  const CapsulePerson person = MakePerson(kA, 0.4, {0, 0, 0});
+  const LandmarkResult upright = Find(person);
+  const LandmarkResult rolled = Find(person, nullptr, 0.5 * std::numbers::pi);
+  EXPECT_GT(upright.facing_in_world.dot(rolled.facing_in_world), 0.99);
+  ASSERT_EQ(upright.landmarks.size(), rolled.landmarks.size());
+  for (const Landmark3& landmark : upright.landmarks) {
+    const Landmark3* other = rolled.Find(landmark.name);
+    ASSERT_NE(other, nullptr) << landmark.name;
+    EXPECT_LT((landmark.point_in_world - other->point_in_world).norm(), 0.04)
+        << landmark.name;
+  }
+}
+
+TEST(LandmarksTest, MidpointsOfEdgesCentreTheLimb) {
+  const CapsulePerson person = MakePerson(kA, 0.4, {0, 0, 0});
+  const LandmarkResult result = Find(person);
+  for (const char* name : {"l_elbow", "r_elbow", "l_wrist", "r_wrist"}) {
+    const Landmark3& landmark = *result.Find(name);
+    EXPECT_EQ(landmark.source, "contour") << name;
+    EXPECT_GE(landmark.num_views, 2) << name;
+    const int joint = landmark.joint;
+    const Eigen::Vector3d axis =
+        (person.joint[joint] - person.joint[kJointParents[joint]]).normalized();
+    const Eigen::Vector3d error = landmark.point_in_world - person.joint[joint];
+    EXPECT_LT((error - axis * axis.dot(error)).norm(), 0.006) << name;
+    const auto seen = std::count_if(
+        result.points.begin(),
+        result.points.end(),
+        [&](const Landmark2& point) { return point.name == name; });
+    EXPECT_EQ(seen, landmark.num_views) << name;
+  }
+}
+
+TEST(LandmarksTest, ReportsAMissingArm) {
+  const CapsulePerson person = MakePerson(kA, 0.4, {0, 0, 0}, false);
+  StageSummary summary;
+  const LandmarkResult result = Find(person, &summary);
+  EXPECT_THAT(result.unsafe_limbs, Contains("l_arm"));
+  EXPECT_EQ(result.Find("l_wrist"), nullptr);
+  ASSERT_NE(result.Find("r_wrist"), nullptr);
+  EXPECT_LT(
+      (result.Find("r_wrist")->point_in_world - person.joint[kRWrist]).norm(),
+      0.04);
+  EXPECT_EQ(summary.status, "weak");
+  EXPECT_FALSE(summary.warnings.empty());
+}
+
+TEST(LandmarksTest, ReportsASkirt) {
+  CapsulePerson person = MakePerson(kA, 0.4, {0, 0, 0});
+  for (int i = 0; i < 5; ++i) {
+    const Eigen::Vector3d center(0, 0.45 + 0.1 * i, 0);
+    person.capsules.push_back({center, center, 0.24 - 0.02 * i});
+  }
+  const LandmarkResult result = Find(person);
+  EXPECT_THAT(result.unsafe_limbs, Contains("l_leg"));
+  EXPECT_THAT(result.unsafe_limbs, Contains("r_leg"));
+  ASSERT_NE(result.Find("l_ankle"), nullptr);
+  EXPECT_LT(
+      (result.Find("l_ankle")->point_in_world - person.joint[kLAnkle]).norm(),
+      0.04);
+}
+
+TEST(LandmarksTest, SameTwice) {
+  const CapsulePerson person = MakePerson(kA, 0.4, {0, 0, 0});
+  const LandmarkResult first = Find(person);
+  const LandmarkResult second = Find(person);
+  ASSERT_EQ(first.landmarks.size(), second.landmarks.size());
+  for (size_t i = 0; i < first.landmarks.size(); ++i) {
+    EXPECT_EQ(first.landmarks[i].point_in_world,
+              second.landmarks[i].point_in_world);
+    EXPECT_EQ(first.landmarks[i].covariance, second.landmarks[i].covariance);
+  }
+}
+
+TEST(LandmarkOptionsTest, KnowsItsModes) {
+  LandmarkOptions options;
+  EXPECT_FALSE(options.Check());
+  options.mode = "guess";
+  EXPECT_TRUE(options.Check());
+}
+
+}  // namespace
+}  // namespace sweepfit
