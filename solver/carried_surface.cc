@@ -50,6 +50,29 @@ void AddStretch(const Sweep& sweep,
   (*stretch)[sweep.chain[bone + 1]] += weight * (u - bone);
 }
 
+// How a section may differ from the template's: its size, its depth against its
+// breadth, and its place in front of or behind the axis. Without the last one
+// an outline would move the joints instead.
+struct Mode {
+  const char* name;
+  int harmonic;
+  double sigma;
+};
+constexpr Mode kModes[] = {
+    {"_girth", 0, 0.15}, {"_shape", 2, 0.08}, {"_offset", 1, 0.15}};
+
+// The k-th piecewise linear hat over the knots; flat beyond the ends.
+double Hat(const std::vector<double>& knots, size_t k, double u) {
+  u = std::clamp(u, knots.front(), knots.back());
+  if (k > 0 && u >= knots[k - 1] && u <= knots[k]) {
+    return (u - knots[k - 1]) / (knots[k] - knots[k - 1]);
+  }
+  if (k + 1 < knots.size() && u >= knots[k] && u <= knots[k + 1]) {
+    return (knots[k + 1] - u) / (knots[k + 1] - knots[k]);
+  }
+  return 0;
+}
+
 int MirrorSweep(const Body& body, int sweep) {
   for (size_t s = 0; s < body.sweeps.size(); ++s) {
     if (body.sweeps[s].chain[0] == MirrorJoint(body.sweeps[sweep].chain[0]) &&
@@ -70,7 +93,7 @@ GirthBasis::GirthBasis(const Body& body) {
     samples_[s].resize(sweep.num_rows() * sweep.num_columns());
     const int mirror = MirrorSweep(body, static_cast<int>(s));
     if (mirror < static_cast<int>(s)) {
-      // Rows of mirrored sweeps agree; cos 2 theta is the same on both sides.
+      // Rows of mirrored sweeps agree, and all modes are the same on both sides.
       samples_[s] = samples_[mirror];
       continue;
     }
@@ -85,28 +108,25 @@ GirthBasis::GirthBasis(const Body& body) {
       if (!is_end) knots.push_back(b + 0.5);
     }
     knots.push_back(std::max(last, sweep.num_bones() - 0.5));
+    // Which of cos theta and sin theta points to the front (or back) on both
+    // sides: the reference direction, unless it points sideways.
+    const double to_front =
+        std::abs(sweep.rest_reference.x()) > 0.5 ? 0.5 * std::numbers::pi : 0.0;
     for (size_t k = 0; k < knots.size(); ++k) {
-      for (const bool elliptic : {false, true}) {
+      for (const Mode& mode : kModes) {
         const int parameter = num_parameters();
-        names_.push_back(sweep.name + "_" + std::to_string(k) +
-                         (elliptic ? "_shape" : "_girth"));
-        sigma_.push_back(elliptic ? 0.08 : 0.15);
+        names_.push_back(sweep.name + "_" + std::to_string(k) + mode.name);
+        sigma_.push_back(mode.sigma);
         for (int row = 0; row < sweep.num_rows(); ++row) {
-          const double u = std::clamp(sweep.key_u[row], knots.front(),
-                                      knots.back());
-          double hat = 0;
-          if (k > 0 && u >= knots[k - 1] && u <= knots[k]) {
-            hat = (u - knots[k - 1]) / (knots[k] - knots[k - 1]);
-          } else if (k + 1 < knots.size() && u >= knots[k] &&
-                     u <= knots[k + 1]) {
-            hat = (knots[k + 1] - u) / (knots[k + 1] - knots[k]);
-          }
+          const double hat = Hat(knots, k, sweep.key_u[row]);
           if (hat <= 0) continue;
           for (int c = 0; c < sweep.num_columns(); ++c) {
             const double theta =
                 2 * std::numbers::pi * c / sweep.num_columns();
             samples_[s][row * sweep.num_columns() + c].emplace_back(
-                parameter, hat * (elliptic ? std::cos(2 * theta) : 1.0));
+                parameter,
+                hat * std::cos(mode.harmonic *
+                               (theta - (mode.harmonic == 1 ? to_front : 0))));
           }
         }
       }

@@ -12,9 +12,10 @@
 
 namespace sweepfit {
 
-// A few coarse girth parameters per sweep for the global fit: log ratios of all
-// radii around hats along the sweep, once evenly around the section and once
-// as cos 2 theta (breadth against depth). Left and right share a parameter.
+// A few coarse girth parameters per sweep for the global fit: log ratios of
+// radii as hats along the sweep times a harmonic around the section (0: size,
+// 2: breadth against depth, 1: to the front or back). Left and right share a
+// parameter.
 class GirthBasis {
  public:
   explicit GirthBasis(const Body& body);

@@ -168,9 +168,21 @@ void PersonProblem::AddGirthPrior(const std::vector<double>& sigma,
       {parameters_->girth.data()});
 }
 
-void PersonProblem::HoldLengthsAndPerson() {
-  problem_.SetParameterBlockConstant(parameters_->log_length.data());
+void PersonProblem::HoldLengths(bool ends_free) {
   problem_.SetParameterBlockConstant(parameters_->person.data());
+  if (!ends_free) {
+    problem_.SetParameterBlockConstant(parameters_->log_length.data());
+    return;
+  }
+  std::vector<int> held;
+  for (int g = 0; g < kNumLengthGroups; ++g) {
+    const int joint = LengthGroupJoint(g);
+    const bool is_end =
+        joint == kHeadEnd || joint == kLHandEnd || joint == kLFootEnd;
+    if (!is_end) held.push_back(g);
+  }
+  problem_.SetManifold(parameters_->log_length.data(),
+                       new ceres::SubsetManifold(kNumLengthGroups, held));
 }
 
 std::vector<double*> PersonProblem::AllBlocks() const {

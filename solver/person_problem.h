@@ -80,8 +80,9 @@ class PersonProblem {
         blocks);
   }
 
-  // Keeps parameters where they are.
-  void HoldLengthsAndPerson();
+  // Keeps bone lengths where they are, but for those of the end bones (crown,
+  // fingers, toes) when `ends_free`, and stature and sex.
+  void HoldLengths(bool ends_free);
 
   // Solves on one thread with dense Cholesky (EIGEN), so that results repeat.
   // False when no usable solution was found.

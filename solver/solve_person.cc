@@ -147,8 +147,11 @@ bool SolvePerson(const std::vector<PoseEvidence>& evidence,
       joints->stature, joints->stature_sigma, weights.stature);
   if (basis != nullptr) problem.AddGirthPrior(basis->sigma(), 1.0);
 
-  // The paper's joints are decided by its closed form alone.
-  if (!sigma_mode) problem.HoldLengthsAndPerson();
+  // Outlines say where limbs are and where they end, but little about where a
+  // joint divides a limb: there the template's profile would speak, with a
+  // confidence it does not deserve (sleeves, strong forearms). The lengths
+  // between joints stay what landmarks and tables made them.
+  problem.HoldLengths(sigma_mode);
   const bool usable = problem.Solve(outline.max_iterations);
   if (report != nullptr) *report = problem.Report();
   FillJointResult(problem, angles, parameters, report != nullptr, joints);
