@@ -14,6 +14,7 @@
 
 #include "model/input_error.h"
 #include "volume/components.h"
+#include "volume/coverage.h"
 #include "volume/silhouette_cones.h"
 #include "volume/volume.h"
 #include "volume/volume_impl.h"
@@ -294,6 +295,43 @@ BlockGrid BuildBlocks(const std::vector<SilhouetteCone>& cones,
   return BlockGrid(voxel_size, kBandVoxels * voxel_size, std::move(blocks));
 }
 
+// A volume that explains little of most silhouettes is a phantom of some.
+void CheckCoverage(std::vector<double> coverage) {
+  constexpr double kLeast = 0.5;
+  const auto middle =
+      coverage.begin() + static_cast<std::ptrdiff_t>(coverage.size() / 2);
+  std::nth_element(coverage.begin(), middle, coverage.end());
+  if (*middle >= kLeast) return;
+  char text[160];
+  std::snprintf(text,
+                sizeof text,
+                "the silhouettes have no common part that explains them (%.0f "
+                "%% covered): check the calibration, the masks and their order",
+                100 * *middle);
+  throw FitError(text);
+}
+
+void WarnOfPoorViews(const std::vector<View>& views,
+                     const std::vector<double>& coverage,
+                     Progress* progress,
+                     StageSummary* summary) {
+  constexpr double kPoor = 0.85;  // sound captures reach 0.93 and more
+  for (size_t i = 0; i < views.size(); ++i) {
+    if (coverage[i] >= kPoor) continue;
+    char text[160];
+    std::snprintf(text,
+                  sizeof text,
+                  "camera %s: the volume covers only %.0f %% of the silhouette",
+                  views[i].camera.id.c_str(),
+                  100 * coverage[i]);
+    if (progress != nullptr) progress->Warning(text);
+    if (summary != nullptr) {
+      summary->status = "weak";
+      summary->warnings.push_back(text);
+    }
+  }
+}
+
 }  // namespace
 
 std::optional<std::string> HullOptions::Check() const {
@@ -322,6 +360,9 @@ Volume BuildVisualHull(const std::vector<View>& views,
   Volume volume(
       std::make_unique<Volume::Impl>(std::move(blocks), std::move(vdb)));
 
+  const std::vector<double> coverage = SilhouetteCoverage(views, volume);
+  CheckCoverage(coverage);
+
   if (summary != nullptr) {
     summary->stage = "volume";
     summary->status = "ok";
@@ -332,6 +373,11 @@ Volume BuildVisualHull(const std::vector<View>& views,
     figures["volume"] = volume.EnclosedVolume();
     const Eigen::Vector3d size = volume.BoxMax() - volume.BoxMin();
     figures["box_size"] = {size.x(), size.y(), size.z()};
+    auto& covered = figures["silhouette_coverage"];
+    covered = nlohmann::ordered_json::object();
+    for (size_t i = 0; i < views.size(); ++i) {
+      covered[views[i].camera.id] = coverage[i];
+    }
     figures["num_components"] = components.num_components;
     figures["dropped_volume"] = components.dropped_volume;
   }
@@ -351,6 +397,7 @@ Volume BuildVisualHull(const std::vector<View>& views,
       summary->warnings.push_back(text);
     }
   }
+  WarnOfPoorViews(views, coverage, progress, summary);
   if (summary != nullptr) {
     summary->seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start)

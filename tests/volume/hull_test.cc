@@ -10,7 +10,7 @@
 
 #include "model/input_error.h"
 #include "tests/volume/capsule_person.h"
-#include "volume/cut_plane.h"
+#include "volume/coverage.h"
 #include "volume/volume.h"
 
 namespace sweepfit {
@@ -124,6 +124,25 @@ TEST(HullTest, CameraAbstainsOutsideItsFrame) {
   EXPECT_GT(volume.BoxMax().y(), 1.68);
 }
 
+TEST(HullTest, CoherentSilhouettesAreCovered) {
+  const auto person = MakePerson(0.8, 0.3, {0, 0, 0});
+  std::vector<View> views = RenderRing(person.capsules, {0, 0.85, 0}, 8, kSize);
+  const Volume volume = Hull(views);
+  for (const double share : SilhouetteCoverage(views, volume)) {
+    EXPECT_GT(share, 0.97);
+  }
+  // One view lost the head and a whole side's limbs: the others notice.
+  std::vector<Capsule> rest(person.capsules.begin(),
+                            person.capsules.begin() + 4);
+  rest.insert(rest.end(), person.capsules.end() - 8, person.capsules.end());
+  views[3] = RenderCapsules(views[3].camera, rest);
+  StageSummary summary;
+  const Volume cut = Hull(views, 0.008, &summary);
+  EXPECT_GT(SilhouetteCoverage(views, cut)[3], 0.97);
+  EXPECT_LT(SilhouetteCoverage(views, cut)[0], 0.85);
+  EXPECT_EQ(summary.status, "weak");
+}
+
 TEST(HullTest, SameBytesEveryTime) {
   const auto person = MakePerson(0.8, 0.3, {0, 0, 0});
   const std::vector<View> views =
@@ -161,8 +180,8 @@ TEST(HullTest, SaysWhyItCannot) {
   EXPECT_THAT(message(empty), HasSubstr("empty"));
 
   std::vector<View> apart = views;
-  apart[1] =
-      RenderCapsules(apart[1].camera, {{{0.9, 1.9, 0}, {0.9, 1.9, 0}, 0.1}});
+  apart[1] = RenderCapsules(apart[1].camera,
+                            {{{0, 0.85, -0.9}, {0, 0.85, -0.9}, 0.1}});
   EXPECT_THAT(message(apart), HasSubstr("no common part"));
 
   // Millimetres taken for metres.
