@@ -222,8 +222,6 @@ std::vector<View> Segment(const Capture& capture,
                           Progress* progress,
                           StageSummary* summary) {
   const auto start = std::chrono::steady_clock::now();
-  if (progress) progress->Stage("segment", pose.name);
-  summary->stage = "segment";
   if (const auto error = options.Check()) throw InputError(*error);
   const auto warn = [&](const std::string& text) {
     summary->warnings.push_back(text);

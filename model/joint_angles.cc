@@ -16,9 +16,18 @@ constexpr double kDegree = std::numbers::pi / 180;
 
 // The joints whose bones stand for the groups; the right side follows its
 // mirror image.
-constexpr std::array<int, kNumLengthGroups> kGroupJoints = {
-    kSpine, kNeck, kHead, kHeadEnd, kLShoulder, kLElbow,
-    kLWrist, kLHandEnd, kLHip, kLKnee, kLAnkle, kLFootEnd};
+constexpr std::array<int, kNumLengthGroups> kGroupJoints = {kSpine,
+                                                            kNeck,
+                                                            kHead,
+                                                            kHeadEnd,
+                                                            kLShoulder,
+                                                            kLElbow,
+                                                            kLWrist,
+                                                            kLHandEnd,
+                                                            kLHip,
+                                                            kLKnee,
+                                                            kLAnkle,
+                                                            kLFootEnd};
 
 Quaterniond Exp(const Vector3d& v) {
   const double angle = v.norm();
@@ -102,8 +111,14 @@ JointAngles::JointAngles(const Skeleton& skeleton) {
                         double limit) {
     const char* names[] = {"bend", "swing", "twist"};
     for (int k = 0; k < 3; ++k) {
-      add(names[k], JointAngle::Kind::kBall, joint, basis.col(k), -limit,
-          limit, 0, sigma[k]);
+      add(names[k],
+          JointAngle::Kind::kBall,
+          joint,
+          basis.col(k),
+          -limit,
+          limit,
+          0,
+          sigma[k]);
     }
   };
   const Vector3d left = Vector3d::UnitX();
@@ -115,13 +130,34 @@ JointAngles::JointAngles(const Skeleton& skeleton) {
   for (const int shoulder : {kLShoulder, kRShoulder}) {
     const int elbow = shoulder + 1, wrist = shoulder + 2, hand = shoulder + 3;
     const Matrix3d collar = BoneBasis(rest[shoulder], front);
-    add("lift", JointAngle::Kind::kCollar, shoulder, collar.col(0), -45, 45, 0, 8);
-    add("draw", JointAngle::Kind::kCollar, shoulder, collar.col(1), -45, 45, 0, 6);
+    add("lift",
+        JointAngle::Kind::kCollar,
+        shoulder,
+        collar.col(0),
+        -45,
+        45,
+        0,
+        8);
+    add("draw",
+        JointAngle::Kind::kCollar,
+        shoulder,
+        collar.col(1),
+        -45,
+        45,
+        0,
+        6);
     ball(shoulder, BoneBasis(rest[elbow], front), {40, 30, 25}, 170);
     // Positive flexion brings the forearm to the front.
     const Vector3d hinge = rest[wrist].cross(front).normalized();
     add("flexion", JointAngle::Kind::kHinge, elbow, hinge, -5, 150, 10, 25);
-    add("twist", JointAngle::Kind::kHinge, elbow, rest[wrist], -100, 100, 0, 20);
+    add("twist",
+        JointAngle::Kind::kHinge,
+        elbow,
+        rest[wrist],
+        -100,
+        100,
+        0,
+        20);
     ball(wrist, BoneBasis(rest[hand], front), {12, 12, 12}, 80);
   }
   for (const int hip : {kLHip, kRHip}) {
@@ -168,7 +204,8 @@ LocalRotations Rotations(const JointAngles& joint_angles,
     }
     const size_t size = angle.kind == JointAngle::Kind::kBall ? 3 : 2;
     Vector3d v = Vector3d::Zero();
-    for (size_t k = i; k < i + size; ++k) v += angles[k].axis * parameters[3 + k];
+    for (size_t k = i; k < i + size; ++k)
+      v += angles[k].axis * parameters[3 + k];
     const Matrix3d jacobian = LeftJacobian(v);
     for (size_t k = i; k < i + size; ++k) {
       result.axis_in_parent[k] = jacobian * angles[k].axis;
@@ -205,9 +242,9 @@ KinematicState EvaluateKinematics(const Skeleton& skeleton,
   for (size_t i = 0; i < angles.angles().size(); ++i) {
     const int parent = kJointParents[angles.angles()[i].joint];
     state.axis_in_world[i] =
-        parent < 0 ? local.axis_in_parent[i]
-                   : state.frames.world_from_joint[parent] *
-                         local.axis_in_parent[i];
+        parent < 0
+            ? local.axis_in_parent[i]
+            : state.frames.world_from_joint[parent] * local.axis_in_parent[i];
   }
   return state;
 }
@@ -230,9 +267,9 @@ PointDerivative EvaluatePoint(
     const double w = point.weight[b];
     if (w == 0) continue;
     for (int j = point.joint[b]; j > 0; j = kJointParents[j]) share[j] -= w;
-    carried[b] = frames.joint_in_world[point.joint[b]] +
-                 frames.world_from_joint[point.joint[b]] *
-                     point.point_in_joint[b];
+    carried[b] =
+        frames.joint_in_world[point.joint[b]] +
+        frames.world_from_joint[point.joint[b]] * point.point_in_joint[b];
     result.point_in_world += w * carried[b];
   }
   for (int j = 1; j < kNumJoints; ++j) {
@@ -251,18 +288,18 @@ PointDerivative EvaluatePoint(
     const JointAngle& angle = angles.angles()[i];
     const Vector3d& axis = state.axis_in_world[i];
     const bool collar = angle.kind == JointAngle::Kind::kCollar;
-    const Vector3d bone = frames.joint_in_world[angle.joint] -
-                          frames.joint_in_world[std::max(
-                              0, kJointParents[angle.joint])];
+    const Vector3d bone =
+        frames.joint_in_world[angle.joint] -
+        frames.joint_in_world[std::max(0, kJointParents[angle.joint])];
     Vector3d moved = Vector3d::Zero();  // what is crossed with the axis
     for (int b = 0; b < 4; ++b) {
       if (point.weight[b] == 0 || !IsDescendant(point.joint[b], angle.joint)) {
         continue;
       }
-      moved += point.weight[b] *
-               (collar ? bone
-                       : Vector3d(carried[b] -
-                                  frames.joint_in_world[angle.joint]));
+      moved +=
+          point.weight[b] *
+          (collar ? bone
+                  : Vector3d(carried[b] - frames.joint_in_world[angle.joint]));
     }
     for (int j = 1; j < kNumJoints; ++j) {
       if (share[j] == 0) continue;

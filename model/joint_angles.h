@@ -26,13 +26,13 @@ struct JointAngle {
     kHinge,   // Q = exp(axis theta), multiplied in order
     kCollar,  // one of two components of S = exp(B theta), see Pose::collar
   };
-  std::string name;           // "l_elbow_flexion"
+  std::string name;  // "l_elbow_flexion"
   Kind kind;
-  int joint;                  // for kCollar the shoulder
-  Eigen::Vector3d axis;       // unit, in the parent's frame (kBall, kCollar) or
-                              // after the joint's earlier hinges (kHinge)
-  double lower, upper;        // radians
-  double usual, sigma;        // of people who stand for a capture, radians
+  int joint;             // for kCollar the shoulder
+  Eigen::Vector3d axis;  // unit, in the parent's frame (kBall, kCollar) or
+                         // after the joint's earlier hinges (kHinge)
+  double lower, upper;   // radians
+  double usual, sigma;   // of people who stand for a capture, radians
 };
 
 // The coordinates of poses: the root's position (3, metres) followed by the
@@ -86,14 +86,15 @@ struct CarriedPoint {
 // current lengths, `length_change[j]` = l_j - l0_j.
 struct PointDerivative {
   Eigen::Vector3d point_in_world;
-  Eigen::Matrix3Xd by_pose;                                // 3 x num_parameters
-  Eigen::Matrix<double, 3, kNumJoints> by_length;          // per bone, by metre
+  Eigen::Matrix3Xd by_pose;                        // 3 x num_parameters
+  Eigen::Matrix<double, 3, kNumJoints> by_length;  // per bone, by metre
 };
-PointDerivative EvaluatePoint(const CarriedPoint& point,
-                              const KinematicState& state,
-                              const JointAngles& angles,
-                              const std::array<double, kNumJoints>& length_change,
-                              bool with_derivative);
+PointDerivative EvaluatePoint(
+    const CarriedPoint& point,
+    const KinematicState& state,
+    const JointAngles& angles,
+    const std::array<double, kNumJoints>& length_change,
+    bool with_derivative);
 
 // The carried point that is a joint itself.
 CarriedPoint JointAsPoint(int joint);

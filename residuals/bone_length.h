@@ -6,8 +6,8 @@
 // l        bone length l_base exp(s), metres; s the parameter
 // H        stature, metres (parameter); H0 a fixed value of it, so that a small
 //          person does not buy slack
-// b        sex blend, 0 female .. 1 male (parameter); M, F mean share of stature
-// tau      the template's l / H
+// b        sex blend, 0 female .. 1 male (parameter); M, F mean share of
+// stature tau      the template's l / H
 #pragma once
 
 #include <ceres/autodiff_cost_function.h>
@@ -31,8 +31,8 @@ struct AnthropometricResidual {
     const T length = base_length * exp(log_length[group]);
     const T share = statistics.mean_female +
                     person[1] * (statistics.mean_male - statistics.mean_female);
-    residual[0] = (length - share * person[0]) /
-                  (statistics.Sigma() * nominal_stature);
+    residual[0] =
+        (length - share * person[0]) / (statistics.Sigma() * nominal_stature);
     return true;
   }
 

@@ -24,8 +24,8 @@ class ContourMatch {
                double sigma)
       : camera_(camera),
         contour_pixel_(contour_pixel),
-        scaled_normal_(unit_normal * (depth / (camera->FocalLength() * sigma))) {
-  }
+        scaled_normal_(unit_normal *
+                       (depth / (camera->FocalLength() * sigma))) {}
 
   Measured operator()(const Eigen::Vector3d& point_in_world) const {
     const auto projection = ProjectWithDerivative(*camera_, point_in_world);

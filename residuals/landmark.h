@@ -24,11 +24,11 @@ class LandmarkResidual : public ceres::CostFunction {
                    KinematicCache* cache)
       : point_(JointAsPoint(joint)),
         landmark_in_world_(landmark_in_world),
-        whitening_(Eigen::LLT<Eigen::Matrix3d>(covariance.inverse())
-                       .matrixU()),
+        whitening_(Eigen::LLT<Eigen::Matrix3d>(covariance.inverse()).matrixU()),
         cache_(cache) {
     set_num_residuals(3);
-    mutable_parameter_block_sizes()->push_back(cache->angles().num_parameters());
+    mutable_parameter_block_sizes()->push_back(
+        cache->angles().num_parameters());
     mutable_parameter_block_sizes()->push_back(kNumLengthGroups);
   }
 
@@ -44,8 +44,7 @@ class LandmarkResidual : public ceres::CostFunction {
     Eigen::Map<Eigen::Vector3d>(residuals, 3) =
         whitening_ * (x.point_in_world - landmark_in_world_);
     if (jacobians == nullptr) return true;
-    using RowMajor =
-        Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>;
+    using RowMajor = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>;
     if (jacobians[0] != nullptr) {
       Eigen::Map<RowMajor>(jacobians[0], 3, x.by_pose.cols()) =
           whitening_ * x.by_pose;

@@ -42,7 +42,8 @@ class PosePointCost : public ceres::CostFunction {
         point_(std::move(point)),
         cache_(cache) {
     set_num_residuals(1);
-    mutable_parameter_block_sizes()->push_back(cache->angles().num_parameters());
+    mutable_parameter_block_sizes()->push_back(
+        cache->angles().num_parameters());
     mutable_parameter_block_sizes()->push_back(kNumLengthGroups);
     if (num_girths > 0) mutable_parameter_block_sizes()->push_back(num_girths);
   }

@@ -21,7 +21,7 @@ namespace sweepfit {
 struct RadiusPoint {
   Eigen::Vector3d point_in_world;  // at q0
   struct Term {
-    int block;   // index of the row among this point's rows
+    int block;  // index of the row among this point's rows
     int column;
     double at_linearisation;
     Eigen::Vector3d direction_in_world;

@@ -35,8 +35,8 @@ class LinearRowsResidual : public ceres::CostFunction {
     Eigen::Map<Eigen::VectorXd> r(residuals, num_residuals());
     r.setZero();
     for (size_t i = 0; i < factors_.size(); ++i) {
-      r += factors_[i] * Eigen::Map<const Eigen::VectorXd>(parameters[i],
-                                                           factors_[i].cols());
+      r += factors_[i] *
+           Eigen::Map<const Eigen::VectorXd>(parameters[i], factors_[i].cols());
       if (jacobians != nullptr && jacobians[i] != nullptr) {
         using RowMajor = Eigen::
             Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -73,13 +73,13 @@ inline ceres::CostFunction* SmoothAlongSweep(int num_columns,
   return new LinearRowsResidual({a * one, -(a + b) * one, b * one});
 }
 
-inline ceres::CostFunction* RowSymmetry(
-    const std::vector<int>& mirrored_column, double sigma) {
+inline ceres::CostFunction* RowSymmetry(const std::vector<int>& mirrored_column,
+                                        double sigma) {
   const int n = static_cast<int>(mirrored_column.size());
   Eigen::MatrixXd mirrored = Eigen::MatrixXd::Zero(n, n);
   for (int k = 0; k < n; ++k) mirrored(k, mirrored_column[k]) = -1 / sigma;
-  return new LinearRowsResidual({Eigen::MatrixXd::Identity(n, n) / sigma,
-                                 mirrored});
+  return new LinearRowsResidual(
+      {Eigen::MatrixXd::Identity(n, n) / sigma, mirrored});
 }
 
 }  // namespace sweepfit

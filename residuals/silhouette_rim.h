@@ -32,10 +32,10 @@ class SilhouetteRim {
         SampleBilinear(*signed_distance_, projection->pixel);
     const double scale = 1 / (camera_->FocalLength() * sigma_);
     const double z = projection->depth;
-    return {sample.value * z * scale,
-            scale * (z * projection->pixel_by_world.transpose() *
-                         sample.gradient +
-                     sample.value * projection->depth_by_world)};
+    return {
+        sample.value * z * scale,
+        scale * (z * projection->pixel_by_world.transpose() * sample.gradient +
+                 sample.value * projection->depth_by_world)};
   }
 
  private:

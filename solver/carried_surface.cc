@@ -23,14 +23,14 @@ void AddCarriers(const Sweep& sweep,
   const int bone = std::clamp(static_cast<int>(std::floor(u)), 0, last);
   const double f = u - bone;
   double here = weight;
-  // Only interior joints are shared: a limb's first section belongs to the limb.
+  // Only interior joints are shared: a limb's first section belongs to the
+  // limb.
   if (f < kBlend && bone > 0) {
     const double before = weight * 0.5 * (1 - std::max(f, 0.0) / kBlend);
     (*carriers)[sweep.chain[bone - 1]] += before;
     here -= before;
   } else if (f > 1 - kBlend && bone < last) {
-    const double after =
-        weight * 0.5 * (1 - std::max(1 - f, 0.0) / kBlend);
+    const double after = weight * 0.5 * (1 - std::max(1 - f, 0.0) / kBlend);
     (*carriers)[sweep.chain[bone + 1]] += after;
     here -= after;
   }
@@ -93,7 +93,8 @@ GirthBasis::GirthBasis(const Body& body) {
     samples_[s].resize(sweep.num_rows() * sweep.num_columns());
     const int mirror = MirrorSweep(body, static_cast<int>(s));
     if (mirror < static_cast<int>(s)) {
-      // Rows of mirrored sweeps agree, and all modes are the same on both sides.
+      // Rows of mirrored sweeps agree, and all modes are the same on both
+      // sides.
       samples_[s] = samples_[mirror];
       continue;
     }
@@ -121,8 +122,7 @@ GirthBasis::GirthBasis(const Body& body) {
           const double hat = Hat(knots, k, sweep.key_u[row]);
           if (hat <= 0) continue;
           for (int c = 0; c < sweep.num_columns(); ++c) {
-            const double theta =
-                2 * std::numbers::pi * c / sweep.num_columns();
+            const double theta = 2 * std::numbers::pi * c / sweep.num_columns();
             samples_[s][row * sweep.num_columns() + c].emplace_back(
                 parameter,
                 hat * std::cos(mode.harmonic *
@@ -159,8 +159,7 @@ std::shared_ptr<const ShapedPoint> CarryVertex(
     const RestDerivative* rest_derivative,
     const std::vector<double>& girth) {
   std::map<int, double> carriers, stretch;
-  for (const SweepAttachment& attachment :
-       body.binding[vertex].attachment) {
+  for (const SweepAttachment& attachment : body.binding[vertex].attachment) {
     if (attachment.sweep < 0 || attachment.weight <= 0) continue;
     const Sweep& sweep = body.sweeps[attachment.sweep];
     AddCarriers(sweep, attachment.u, attachment.weight, &carriers);

@@ -320,13 +320,6 @@ std::string YamlScalar(const Target& target) {
 
 }  // namespace
 
-int FindFitStage(std::string_view stage) {
-  for (size_t i = 0; i < kFitStages.size(); ++i) {
-    if (kFitStages[i] == stage) return static_cast<int>(i);
-  }
-  return -1;
-}
-
 bool RunsStage(const FitOptions& options, std::string_view stage) {
   return FindFitStage(stage) <= FindFitStage(options.until);
 }

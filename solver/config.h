@@ -12,20 +12,6 @@
 
 namespace sweepfit {
 
-// The stages of a fit in the order in which they run: the values of `until`.
-inline constexpr std::array<std::string_view, 9> kFitStages = {"segment",
-                                                               "volume",
-                                                               "landmarks",
-                                                               "joints",
-                                                               "global",
-                                                               "local",
-                                                               "refine",
-                                                               "texture",
-                                                               "export"};
-
-// Position of a stage in kFitStages, or -1.
-int FindFitStage(std::string_view stage);
-
 // True when a fit with these options runs the stage.
 bool RunsStage(const FitOptions& options, std::string_view stage);
 

@@ -17,7 +17,8 @@ struct GlobalOptions {
   // Rounds of finding the rim and solving; the basin is about 60 px wide in the
   // first and narrows to 20.
   int rounds = 6;
-  // Standard deviation of a coarse body's outline, metres: first and last round.
+  // Standard deviation of a coarse body's outline, metres: first and last
+  // round.
   double sigma_first = 0.012;
   double sigma_last = 0.005;
   std::optional<std::string> Check() const;
@@ -29,12 +30,12 @@ struct LocalOptions {
   // the template, times the feature weight.
   std::string mode = "rim";
   int rounds = 4;
-  double sigma_rim = 0.002;        // metres
-  double sigma_hull = 0.0015;      // metres beyond the hull
-  double sigma_around = 0.05;      // second difference of q around a section
-  double sigma_along = 0.08;       // and along the sweep
-  double sigma_magnitude = 0.25;   // of q itself
-  double sigma_symmetry = 0.03;    // of q between left and right
+  double sigma_rim = 0.002;       // metres
+  double sigma_hull = 0.0015;     // metres beyond the hull
+  double sigma_around = 0.05;     // second difference of q around a section
+  double sigma_along = 0.08;      // and along the sweep
+  double sigma_magnitude = 0.25;  // of q itself
+  double sigma_symmetry = 0.03;   // of q between left and right
   std::optional<std::string> Check() const;
 };
 
@@ -56,15 +57,14 @@ struct PoseEvidence {
 };
 
 // Global fit (paper IV.A and beyond): pose, bone lengths and a few coarse
-// girths of the template's sweeps, all poses at once, from landmarks, tables and
-// the silhouettes. The body comes with the lengths of joints->base and leaves
-// with the fitted ones; joints is updated.
+// girths of the template's sweeps, all poses at once, from landmarks, tables
+// and the silhouettes. The body comes with the lengths of joints->base and
+// leaves with the fitted ones; joints is updated.
 void FitGlobal(const std::vector<PoseEvidence>& evidence,
                const GlobalOptions& options,
                const JointOptions& joint_options,
                Body* body,
                JointResult* joints,
-               Progress* progress,
                StageSummary* summary);
 
 // Local fit (paper IV.B): the radius functions of all sweeps, alternating with
@@ -74,7 +74,6 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
               const JointOptions& joint_options,
               Body* body,
               JointResult* joints,
-              Progress* progress,
               StageSummary* summary);
 
 // Surface refinement (paper V): displacements of single vertices along their
@@ -84,7 +83,6 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
                    const RefineOptions& options,
                    const JointResult& joints,
                    Body* body,
-                   Progress* progress,
                    StageSummary* summary);
 
 }  // namespace sweepfit

@@ -20,17 +20,14 @@ void FitGlobal(const std::vector<PoseEvidence>& evidence,
                const JointOptions& joint_options,
                Body* body,
                JointResult* joints,
-               Progress* progress,
                StageSummary* summary) {
-  if (progress != nullptr) progress->Stage("global", "");
   const GirthBasis basis(*body);
   std::vector<double> girth(basis.num_parameters(), 0.0);
   SetBoneLengths(joints->skeleton.length, body);
   nlohmann::ordered_json report;
   bool usable = false;
   for (int round = 0; round < options.rounds; ++round) {
-    const double t =
-        options.rounds > 1 ? round / (options.rounds - 1.0) : 1.0;
+    const double t = options.rounds > 1 ? round / (options.rounds - 1.0) : 1.0;
     OutlineFit outline;
     outline.sigma = options.sigma_first *
                     std::pow(options.sigma_last / options.sigma_first, t);

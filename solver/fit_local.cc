@@ -65,8 +65,7 @@ double FeatureWeight(const Body& body, int vertex) {
     const int hi = std::clamp<int>(
         static_cast<int>(above - sweep.key_u.begin()), 1, sweep.num_rows() - 1);
     const double span = sweep.key_u[hi] - sweep.key_u[hi - 1];
-    const double f =
-        std::clamp((a.u - sweep.key_u[hi - 1]) / span, 0.0, 1.0);
+    const double f = std::clamp((a.u - sweep.key_u[hi - 1]) / span, 0.0, 1.0);
     weight += a.weight * ((1 - f) * sweep.feature_weight[hi - 1] +
                           f * sweep.feature_weight[hi]);
   }
@@ -312,8 +311,7 @@ void SampleHullRadii(const std::vector<PoseEvidence>& evidence,
         double sum = 0;
         int count = 0;
         for (size_t p = 0; p < evidence.size(); ++p) {
-          const SweepAxis axis(
-              sweep, body->skeleton, joints.poses[p].frames);
+          const SweepAxis axis(sweep, body->skeleton, joints.poses[p].frames);
           const SectionFrame frame = axis.At(sweep.key_u[r]);
           const Vector3d direction =
               frame.world_from_section *
@@ -377,9 +375,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
               const JointOptions& joint_options,
               Body* body,
               JointResult* joints,
-              Progress* progress,
               StageSummary* summary) {
-  if (progress != nullptr) progress->Stage("local", options.mode);
   summary->figures["mode"] = options.mode;
   summary->figures["rim_error_start_mm"] =
       1000 * RimErrorOfAllPoses(evidence, *joints, *body);

@@ -64,8 +64,8 @@ std::vector<double> InitialPose(const JointAngles& angles,
     }
   }
   Eigen::Map<Vector3d>(pose.data()) = root;
-  const double yaw = std::atan2(landmarks.facing_in_world.x(),
-                                landmarks.facing_in_world.z());
+  const double yaw =
+      std::atan2(landmarks.facing_in_world.x(), landmarks.facing_in_world.z());
   SetBall(angles, kRoot, yaw * Vector3d::UnitY(), &pose);
   const Matrix3d world_from_root =
       Eigen::AngleAxisd(yaw, Vector3d::UnitY()).toRotationMatrix();
@@ -132,9 +132,12 @@ std::optional<std::string> JointOptions::Check() const {
   if (mode != "sigma" && mode != "simplex" && mode != "paper") {
     return "joints.mode must be sigma, simplex or paper, not '" + mode + "'";
   }
-  for (const double w :
-       {weights.landmark, weights.template_ratio, weights.anthropometric,
-        weights.pose, weights.stature, weights.silhouette}) {
+  for (const double w : {weights.landmark,
+                         weights.template_ratio,
+                         weights.anthropometric,
+                         weights.pose,
+                         weights.stature,
+                         weights.silhouette}) {
     if (!(w >= 0) || !std::isfinite(w)) {
       return "joints.weights must be finite and not negative";
     }
@@ -152,9 +155,7 @@ JointResult EstimateJoints(const std::vector<LandmarkResult>& landmarks,
                            const Skeleton& base,
                            double base_stature,
                            const JointOptions& options,
-                           Progress* progress,
                            StageSummary* summary) {
-  if (progress != nullptr) progress->Stage("joints", "");
   const JointAngles angles(base);
   const Anthropometry& tables = Anthropometry::Default();
   const Stature stature = CombinedStature(landmarks);
@@ -169,8 +170,7 @@ JointResult EstimateJoints(const std::vector<LandmarkResult>& landmarks,
   const auto solve = [&](const JointOptions::Weights& weights,
                          const std::vector<std::vector<Landmark3>>& points,
                          double loss_scale) {
-    auto problem =
-        std::make_unique<PersonProblem>(base, &angles, &parameters);
+    auto problem = std::make_unique<PersonProblem>(base, &angles, &parameters);
     for (size_t p = 0; p < points.size(); ++p) {
       for (const Landmark3& landmark : points[p]) {
         problem->AddLandmark(static_cast<int>(p),
@@ -216,12 +216,8 @@ JointResult EstimateJoints(const std::vector<LandmarkResult>& landmarks,
         initial[landmark.joint] = landmark.point_in_world;
       }
       points[p].clear();
-      const auto closed_form = EvaluateClosedForm(initial,
-                                                  base,
-                                                  base_stature,
-                                                  tables,
-                                                  stature.value,
-                                                  options.weights);
+      const auto closed_form = EvaluateClosedForm(
+          initial, base, base_stature, tables, stature.value, options.weights);
       constexpr double kSigma = 0.02;  // metres, isotropic as in the paper
       for (int j = 0; j < kNumJoints; ++j) {
         Landmark3 point;
@@ -241,9 +237,9 @@ JointResult EstimateJoints(const std::vector<LandmarkResult>& landmarks,
         const auto candidate = [&](double length, double weight) {
           if (weight <= 0) return;
           point.point_in_world =
-              j == 0 ? initial[j] : Vector3d(initial[parent] + length * direction);
-          point.covariance =
-              kSigma * kSigma / weight * Matrix3d::Identity();
+              j == 0 ? initial[j]
+                     : Vector3d(initial[parent] + length * direction);
+          point.covariance = kSigma * kSigma / weight * Matrix3d::Identity();
           points[p].push_back(point);
         };
         candidate((initial[j] - initial[parent]).norm(),

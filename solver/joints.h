@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "model/body.h"
-#include "model/progress.h"
 #include "model/stage_summary.h"
 #include "solver/landmarks.h"
 
@@ -45,8 +44,8 @@ struct JointEstimate {
 };
 
 struct JointResult {
-  Skeleton base;                // where log_length starts from
-  Skeleton skeleton;            // as estimated, shared by all poses
+  Skeleton base;      // where log_length starts from
+  Skeleton skeleton;  // as estimated, shared by all poses
   double sex = 0.5;
   double stature = 0;
   std::vector<JointEstimate> poses;
@@ -63,7 +62,6 @@ JointResult EstimateJoints(const std::vector<LandmarkResult>& landmarks,
                            const Skeleton& base,
                            double base_stature,
                            const JointOptions& options,
-                           Progress* progress,
                            StageSummary* summary);
 
 }  // namespace sweepfit

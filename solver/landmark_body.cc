@@ -427,7 +427,7 @@ void BodyTracer::AddLegs() {
     const Eigen::Vector3d ankle = axis_point + along * axis;
     result_.landmarks.push_back(
         MakeLandmark(kAnkle[side], ankle, AlongAcross(axis, sigma, 0.010)));
-    AddTip(kToe[side], leg.line, 0.05 * height_, 0.015, 0.015);
+    AddTip(kToe[side], leg.line, 0.05 * height_, 0.02, 0.02);
 
     // The knee: a bend, else the usual share of the way.
     const double s_ankle = s_shank - 0.033 * height_;
@@ -510,7 +510,7 @@ void BodyTracer::AddArms() {
     }
     const LimbTrace& arm = *result_.arm[side];
     // Which finger stands out most depends on the hand.
-    AddTip(kTip[side], arm.line, 0.03 * height_, 0.02, 0.02);
+    AddTip(kTip[side], arm.line, 0.03 * height_, 0.022, 0.022);
     const double s_wrist = arm.s_wrist_or_ankle;
     AddOnLimb(kWrist[side],
               arm.line,
@@ -534,7 +534,8 @@ void BodyTracer::AddArms() {
       // As far as arms usually reach, in the direction last seen.
       s_shoulder = std::max(s_shoulder, s_wrist + kWristToShoulder * height_);
       along_shoulder = 0.05;
-      across_shoulder = 0.04;
+      // Only a forearm: the upper arm may go another way.
+      across_shoulder = arm.s_merge < s_wrist + 0.19 * height_ ? 0.1 : 0.04;
     }
     const Eigen::Vector3d last = PointAt(arm.line, arm.s_merge);
     const double along =
@@ -572,21 +573,30 @@ void BodyTracer::AddHead() {
   options.max_area = 0.02 * height_ * height_;
   options.max_length = 0.3 * height_;
   const LimbLine line = TraceLimb(volume_, ends_.head->path_in_world, options);
+  constexpr double kFirstNeck = 0.1;
+  constexpr double kLastNeck = 0.24;
+  constexpr double kUsualNeck = 0.155;
   double narrowest = 1e9;
-  double s_neck = 0.16 * height_;
+  double s_neck = 0;
   for (const LimbSection& section : line) {
-    if (section.s < 0.09 * height_ || section.s > 0.24 * height_) continue;
+    if (section.s < kFirstNeck * height_ || section.s > kLastNeck * height_) {
+      continue;
+    }
     if (!section.free || section.cut.area >= narrowest) continue;
     narrowest = section.cut.area;
     s_neck = section.s;
   }
-  Eigen::Vector3d narrow = PointAt(line, s_neck);
+  // Long hair and collars leave no narrow place between head and shoulders.
+  const bool is_clear = s_neck > (kFirstNeck + 0.012) * height_ &&
+                        s_neck < (kLastNeck - 0.012) * height_;
+  if (!is_clear) s_neck = kUsualNeck * height_;
+  const Eigen::Vector3d narrow = PointAt(line, s_neck);
   const Eigen::Vector3d down = (root_in_world_ - narrow).normalized();
   // C7 lies behind the middle of the neck, a vertebra behind that of the waist.
   const Eigen::Vector3d neck = narrow + 0.015 * height_ * down -
                                0.01 * height_ * result_.facing_in_world;
-  result_.landmarks.push_back(
-      MakeLandmark(kNeck, neck, AlongAcross(down, 0.022, 0.015)));
+  result_.landmarks.push_back(MakeLandmark(
+      kNeck, neck, AlongAcross(down, is_clear ? 0.022 : 0.04, 0.018)));
   // The crown: up from the middle of the head.
   Eigen::Vector3d head_middle = PointAt(line, 0.06 * height_);
   const Eigen::Vector3d head_up = (head_middle - narrow).normalized();

@@ -93,7 +93,6 @@ void Summarize(const LandmarkResult& result,
     if (progress != nullptr) progress->Warning("landmarks: " + warning);
   }
   if (summary == nullptr) return;
-  summary->stage = "landmarks";
   summary->status = body.warnings.empty() ? "ok" : "weak";
   summary->warnings = body.warnings;
   auto& figures = summary->figures;

@@ -99,10 +99,8 @@ void PersonProblem::AddAnthropometric(const Anthropometry& tables,
   for (int g = 0; g < kNumLengthGroups; ++g) {
     const int joint = LengthGroupJoint(g);
     Add(Family::kAnthropometric,
-        AnthropometricResidual::Create(g,
-                                       base_.length[joint],
-                                       tables.bone[joint],
-                                       parameters_->person[0]),
+        AnthropometricResidual::Create(
+            g, base_.length[joint], tables.bone[joint], parameters_->person[0]),
         weight,
         nullptr,
         {parameters_->log_length.data(), parameters_->person.data()});
@@ -116,10 +114,8 @@ void PersonProblem::AddTemplateRatio(const Skeleton& skeleton,
   for (int g = 0; g < kNumLengthGroups; ++g) {
     const int joint = LengthGroupJoint(g);
     Add(Family::kTemplate,
-        TemplateRatioResidual::Create(g,
-                                      base_.length[joint],
-                                      skeleton.length[joint] / stature,
-                                      sigma),
+        TemplateRatioResidual::Create(
+            g, base_.length[joint], skeleton.length[joint] / stature, sigma),
         weight,
         nullptr,
         {parameters_->log_length.data(), parameters_->person.data()});
@@ -195,7 +191,8 @@ std::vector<double*> PersonProblem::AllBlocks() const {
 }
 
 int PersonProblem::num_parameters() const {
-  return static_cast<int>(parameters_->pose.size()) * angles_->num_parameters() +
+  return static_cast<int>(parameters_->pose.size()) *
+             angles_->num_parameters() +
          kNumLengthGroups + 2 + static_cast<int>(parameters_->girth.size());
 }
 
@@ -253,7 +250,8 @@ Eigen::Matrix3Xd PersonProblem::JointDerivative(int pose, int joint) const {
   result.middleCols(pose * per_pose, per_pose) = x.by_pose;
   const int lengths = static_cast<int>(parameters_->pose.size()) * per_pose;
   for (int j = 1; j < kNumJoints; ++j) {
-    result.col(lengths + LengthGroup(j)) += x.by_length.col(j) * entry.length[j];
+    result.col(lengths + LengthGroup(j)) +=
+        x.by_length.col(j) * entry.length[j];
   }
   return result;
 }

@@ -28,13 +28,25 @@ struct PersonParameters {
 
 // Families of residuals, as they are weighted and reported.
 enum class Family {
-  kLandmark, kTemplate, kAnthropometric, kStature, kPose, kSilhouette, kHull,
+  kLandmark,
+  kTemplate,
+  kAnthropometric,
+  kStature,
+  kPose,
+  kSilhouette,
+  kHull,
   kGirth
 };
 inline constexpr int kNumFamilies = 8;
 inline constexpr std::array<const char*, kNumFamilies> kFamilyNames = {
-    "landmark", "template", "anthropometric", "stature",
-    "pose",     "silhouette", "hull",         "girth"};
+    "landmark",
+    "template",
+    "anthropometric",
+    "stature",
+    "pose",
+    "silhouette",
+    "hull",
+    "girth"};
 
 // Assembles and solves one least-squares problem over PersonParameters. Weights
 // multiply squared residuals; a weight of 0 leaves the family out.
@@ -68,7 +80,8 @@ class PersonProblem {
                 ceres::LossFunction* loss) {
     std::vector<double*> blocks = {parameters_->pose[pose].data(),
                                    parameters_->log_length.data()};
-    if (!parameters_->girth.empty()) blocks.push_back(parameters_->girth.data());
+    if (!parameters_->girth.empty())
+      blocks.push_back(parameters_->girth.data());
     Add(family,
         new PosePointCost<Measurement>(
             std::move(measurement),

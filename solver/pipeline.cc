@@ -12,10 +12,6 @@
 namespace sweepfit {
 namespace {
 
-constexpr std::array<const char*, 9> kStages = {
-    "segment", "volume", "landmarks", "joints", "global",
-    "local",   "refine", "texture",   "export"};
-
 // Skin weights are fitted over this many sampled poses.
 constexpr int kSkinPoses = 40;
 constexpr unsigned kSkinSeed = 1;
@@ -28,32 +24,23 @@ void RunStage(const std::string& stage,
               FitResult* result) {
   StageSummary summary;
   summary.stage = pose.empty() ? stage : stage + " " + pose;
+  if (progress != nullptr) progress->Stage(stage, pose);
   const auto start = std::chrono::steady_clock::now();
   run(&summary);
-  summary.seconds = std::chrono::duration<double>(
-                        std::chrono::steady_clock::now() - start)
-                        .count();
-  if (progress != nullptr) {
-    for (const std::string& warning : summary.warnings) {
-      progress->Warning(summary.stage + ": " + warning);
-    }
-  }
+  summary.seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start)
+          .count();
   result->stages.push_back(std::move(summary));
-}
-
-int StageIndex(const std::string& name) {
-  const auto it = std::find(kStages.begin(), kStages.end(), name);
-  return static_cast<int>(it - kStages.begin());
 }
 
 // The images' stature, from the pose that knows it best.
 double BestStature(const std::vector<LandmarkResult>& landmarks) {
-  const auto best = std::min_element(
-      landmarks.begin(),
-      landmarks.end(),
-      [](const LandmarkResult& a, const LandmarkResult& b) {
-        return a.stature_sigma < b.stature_sigma;
-      });
+  const auto best =
+      std::min_element(landmarks.begin(),
+                       landmarks.end(),
+                       [](const LandmarkResult& a, const LandmarkResult& b) {
+                         return a.stature_sigma < b.stature_sigma;
+                       });
   return std::clamp(best->stature, 0.6, 2.5);
 }
 
@@ -69,6 +56,12 @@ void StorePoses(const JointResult& joints, FitResult* result) {
 
 }  // namespace
 
+int FindFitStage(std::string_view stage) {
+  const auto it = std::find(kFitStages.begin(), kFitStages.end(), stage);
+  return it == kFitStages.end() ? -1
+                                : static_cast<int>(it - kFitStages.begin());
+}
+
 std::optional<std::string> FitOptions::Check() const {
   for (const auto& error : {segment.Check(),
                             volume.Check(),
@@ -80,9 +73,9 @@ std::optional<std::string> FitOptions::Check() const {
                             texture.Check()}) {
     if (error) return error;
   }
-  if (StageIndex(until) == static_cast<int>(kStages.size())) {
+  if (FindFitStage(until) < 0) {
     std::string names;
-    for (const char* stage : kStages) {
+    for (const std::string_view stage : kFitStages) {
       names += (names.empty() ? "" : ", ") + std::string(stage);
     }
     return "until must be one of " + names + ", not '" + until + "'";
@@ -100,7 +93,7 @@ FitResult Fit(const Capture& capture,
   if (camera_ids.size() < 2) {
     throw InputError("a fit needs at least two cameras");
   }
-  const int until = StageIndex(options.until);
+  const int until = FindFitStage(options.until);
   FitResult result;
   result.camera_ids = camera_ids;
 
@@ -110,7 +103,8 @@ FitResult Fit(const Capture& capture,
     PoseResult& pose = result.poses.emplace_back();
     pose.name = name;
     RunStage(
-        "segment", name,
+        "segment",
+        name,
         [&](StageSummary* summary) {
           pose.views = Segment(capture,
                                capture.FindPose(name),
@@ -119,29 +113,31 @@ FitResult Fit(const Capture& capture,
                                progress,
                                summary);
         },
-        progress, &result);
-    if (until < StageIndex("volume")) continue;
+        progress,
+        &result);
+    if (until < FindFitStage("volume")) continue;
     RunStage(
-        "volume", name,
+        "volume",
+        name,
         [&](StageSummary* summary) {
           pose.volume =
               BuildVisualHull(pose.views, options.volume, progress, summary);
         },
-        progress, &result);
-    if (until < StageIndex("landmarks")) continue;
+        progress,
+        &result);
+    if (until < FindFitStage("landmarks")) continue;
     RunStage(
-        "landmarks", name,
+        "landmarks",
+        name,
         [&](StageSummary* summary) {
-          pose.landmarks = FindLandmarks(pose.views,
-                                         *pose.volume,
-                                         options.landmarks,
-                                         progress,
-                                         summary);
+          pose.landmarks = FindLandmarks(
+              pose.views, *pose.volume, options.landmarks, progress, summary);
         },
-        progress, &result);
+        progress,
+        &result);
     landmarks.push_back(pose.landmarks);
   }
-  if (until < StageIndex("joints")) return result;
+  if (until < FindFitStage("joints")) return result;
 
   // One body for all poses.
   TemplateOptions template_options;
@@ -149,19 +145,20 @@ FitResult Fit(const Capture& capture,
   result.body = BuildTemplate(template_options);
   JointResult joints;
   RunStage(
-      "joints", "",
+      "joints",
+      "",
       [&](StageSummary* summary) {
         joints = EstimateJoints(landmarks,
                                 result.body.skeleton,
                                 template_options.stature,
                                 options.joints,
-                                progress,
                                 summary);
       },
-      progress, &result);
+      progress,
+      &result);
   SetBoneLengths(joints.skeleton.length, &result.body);
   StorePoses(joints, &result);
-  if (until < StageIndex("global")) return result;
+  if (until < FindFitStage("global")) return result;
 
   std::vector<std::vector<ObservedContour>> contours;
   for (const PoseResult& pose : result.poses) {
@@ -178,51 +175,52 @@ FitResult Fit(const Capture& capture,
         {&pose.views, &contours[p], &*pose.volume, &pose.landmarks});
   }
   RunStage(
-      "global", "",
+      "global",
+      "",
       [&](StageSummary* summary) {
         FitGlobal(evidence,
                   options.global,
                   options.joints,
                   &result.body,
                   &joints,
-                  progress,
                   summary);
       },
-      progress, &result);
-  if (until >= StageIndex("local")) {
+      progress,
+      &result);
+  if (until >= FindFitStage("local")) {
     RunStage(
-        "local", "",
+        "local",
+        "",
         [&](StageSummary* summary) {
           FitLocal(evidence,
                    options.local,
                    options.joints,
                    &result.body,
                    &joints,
-                   progress,
                    summary);
         },
-        progress, &result);
+        progress,
+        &result);
   }
-  if (until >= StageIndex("refine")) {
+  if (until >= FindFitStage("refine")) {
     RunStage(
-        "refine", "",
+        "refine",
+        "",
         [&](StageSummary* summary) {
-          RefineSurface(evidence,
-                        options.refine,
-                        joints,
-                        &result.body,
-                        progress,
-                        summary);
+          RefineSurface(
+              evidence, options.refine, joints, &result.body, summary);
         },
-        progress, &result);
+        progress,
+        &result);
   }
   result.body.stature = joints.stature;
   result.body.sex = joints.sex;
   StorePoses(joints, &result);
-  if (until < StageIndex("texture")) return result;
+  if (until < FindFitStage("texture")) return result;
 
   RunStage(
-      "texture", "",
+      "texture",
+      "",
       [&](StageSummary* summary) {
         std::vector<std::vector<Eigen::Vector3d>> vertices;
         std::vector<std::vector<View>> views;
@@ -233,18 +231,20 @@ FitResult Fit(const Capture& capture,
         result.texture = SolveTexture(
             result.body, vertices, views, options.texture, progress, summary);
       },
-      progress, &result);
-  if (until < StageIndex("export")) return result;
+      progress,
+      &result);
+  if (until < FindFitStage("export")) return result;
   RunStage(
-      "skin", "",
+      "skin",
+      "",
       [&](StageSummary* summary) {
-        if (progress != nullptr) progress->Stage("skin", "");
         result.skin = FitSkinWeights(result.body, kSkinPoses, kSkinSeed);
         summary->figures["rms_mm"] = 1000 * result.skin->rms;
         summary->figures["max_mm"] = 1000 * result.skin->max;
         summary->status = "ok";
       },
-      progress, &result);
+      progress,
+      &result);
   return result;
 }
 

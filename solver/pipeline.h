@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <map>
-#include <memory>
+#include <array>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "capture/capture.h"
@@ -20,6 +20,20 @@
 #include "volume/volume.h"
 
 namespace sweepfit {
+
+// The stages of a fit in the order in which they run: the values of `until`.
+inline constexpr std::array<std::string_view, 9> kFitStages = {"segment",
+                                                               "volume",
+                                                               "landmarks",
+                                                               "joints",
+                                                               "global",
+                                                               "local",
+                                                               "refine",
+                                                               "texture",
+                                                               "export"};
+
+// Position of a stage in kFitStages, or -1.
+int FindFitStage(std::string_view stage);
 
 // Everything that can be configured about a fit, stage by stage.
 struct FitOptions {
@@ -43,10 +57,10 @@ struct PoseResult {
   std::vector<View> views;
   std::optional<Volume> volume;
   LandmarkResult landmarks;
-  JointEstimate joints;                              // reliability, covariance
+  JointEstimate joints;  // reliability, covariance
   Pose pose;
   JointFrames frames;
-  std::vector<Eigen::Vector3d> vertices_in_world;    // of the fitted body
+  std::vector<Eigen::Vector3d> vertices_in_world;  // of the fitted body
 };
 
 struct FitResult {
@@ -55,7 +69,7 @@ struct FitResult {
   std::optional<Texture> texture;
   std::vector<PoseResult> poses;
   std::vector<std::string> camera_ids;
-  std::vector<StageSummary> stages;                  // in the order they ran
+  std::vector<StageSummary> stages;  // in the order they ran
 };
 
 // Runs the stages in order: capture -> silhouettes -> volume -> landmarks ->

@@ -157,14 +157,12 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
                    const RefineOptions& options,
                    const JointResult& joints,
                    Body* body,
-                   Progress* progress,
                    StageSummary* summary) {
   if (!options.enabled) {
     summary->status = "ok";
     summary->figures["enabled"] = false;
     return;
   }
-  if (progress != nullptr) progress->Stage("refine", "");
   const int n = body->num_vertices();
   Eigen::SparseMatrix<double> smooth =
       SmoothnessMatrix(*body, options.sigma_smooth);

@@ -11,9 +11,9 @@ namespace sweepfit {
 
 // A body in one posture with what the evidence is compared to.
 struct PosedBody {
-  TriangleMesh mesh;                      // world
-  std::vector<Eigen::Vector3d> normals;   // per vertex, outward, world
-  std::vector<VertexMotion> motions;      // rest -> world
+  TriangleMesh mesh;                     // world
+  std::vector<Eigen::Vector3d> normals;  // per vertex, outward, world
+  std::vector<VertexMotion> motions;     // rest -> world
 };
 PosedBody PoseForFit(const Body& body, const Pose& pose);
 
@@ -33,7 +33,7 @@ struct RimPoint {
   Eigen::Vector2d pixel;   // pinhole
   Eigen::Vector2d normal;  // outward unit normal in the picture
   double depth;
-  double weight;           // share of an independent observation, see below
+  double weight;  // share of an independent observation, see below
 };
 
 // An observed contour point and the rim vertex that explains it best.

@@ -38,14 +38,14 @@ void AddSurface(const PoseEvidence& evidence,
   const auto carry = [&](int vertex) {
     auto& point = carried[vertex];
     if (point == nullptr) {
-      point = CarryVertex(
-          body,
-          estimate.frames,
-          posed,
-          vertex,
-          basis,
-          basis == nullptr ? nullptr : &rest_derivatives[vertex],
-          girth);
+      point =
+          CarryVertex(body,
+                      estimate.frames,
+                      posed,
+                      vertex,
+                      basis,
+                      basis == nullptr ? nullptr : &rest_derivatives[vertex],
+                      girth);
     }
     return point;
   };
@@ -173,8 +173,8 @@ double MeanRimError(const RimEvidence& evidence,
     const View& view = views[rim.view];
     const double distance =
         SampleBilinear(view.signed_distance, rim.pixel).value;
-    sum += rim.weight * std::abs(distance) * rim.depth /
-           view.camera.FocalLength();
+    sum +=
+        rim.weight * std::abs(distance) * rim.depth / view.camera.FocalLength();
     weight += rim.weight;
   }
   return weight > 0 ? sum / weight : 0;

@@ -11,10 +11,10 @@ namespace sweepfit {
 
 // How closely the outlines are to be followed in one solve.
 struct OutlineFit {
-  double sigma;          // metres
-  double max_distance;   // pixels between contour and rim
+  double sigma;         // metres
+  double max_distance;  // pixels between contour and rim
   int max_iterations;
-  int stride;            // every n-th outline point counts, n times as much
+  int stride;  // every n-th outline point counts, n times as much
 };
 
 // One solve of poses, lengths and girths of a person with all residual
@@ -32,6 +32,7 @@ bool SolvePerson(const std::vector<PoseEvidence>& evidence,
                  nlohmann::ordered_json* report);
 
 // Mean distance in metres between the rim of the body and the silhouettes.
-double MeanRimError(const RimEvidence& evidence, const std::vector<View>& views);
+double MeanRimError(const RimEvidence& evidence,
+                    const std::vector<View>& views);
 
 }  // namespace sweepfit

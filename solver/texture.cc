@@ -838,7 +838,6 @@ void Summarise(const std::vector<PreparedView>& views,
     if (progress != nullptr) progress->Warning(warning);
   }
   if (summary == nullptr) return;
-  summary->stage = "texture";
   summary->status = warnings.empty() ? "ok" : "weak";
   summary->warnings = warnings;
   summary->figures["size"] = size;

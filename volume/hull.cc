@@ -364,7 +364,6 @@ Volume BuildVisualHull(const std::vector<View>& views,
   CheckCoverage(coverage);
 
   if (summary != nullptr) {
-    summary->stage = "volume";
     summary->status = "ok";
     auto& figures = summary->figures;
     figures["mode"] = options.mode;

@@ -77,8 +77,8 @@ TEST(JointAngles, PointDerivativesMatchDifferences) {
   point.weight = {0.7, 0.3, 0, 0};
   point.point_in_joint[0] = Vector3d(0.05, -0.1, 0.03);
   point.point_in_joint[1] = Vector3d(0.2, -0.3, 0.02);
-  point.stretch = {{kSpine, 1}, {kNeck, 1}, {kLShoulder, 1}, {kLElbow, 1},
-                   {kLWrist, 0.4}};
+  point.stretch = {
+      {kSpine, 1}, {kNeck, 1}, {kLShoulder, 1}, {kLElbow, 1}, {kLWrist, 0.4}};
   for (unsigned seed = 0; seed < 5; ++seed) {
     std::vector<double> pose = RandomCoordinates(angles, seed, 2);
     std::array<double, kNumJoints> change{};
@@ -101,9 +101,9 @@ TEST(JointAngles, PointDerivativesMatchDifferences) {
       std::vector<double> plus = pose, minus = pose;
       plus[k] += step;
       minus[k] -= step;
-      const Vector3d numeric = (at(plus, change).point_in_world -
-                                at(minus, change).point_in_world) /
-                               (2 * step);
+      const Vector3d numeric =
+          (at(plus, change).point_in_world - at(minus, change).point_in_world) /
+          (2 * step);
       EXPECT_LT((numeric - here.by_pose.col(k)).norm(), 1e-7)
           << (k < 3 ? "root position" : angles.angles()[k - 3].name);
     }
@@ -128,7 +128,8 @@ TEST(JointAngles, JointAsPointIsTheJoint) {
   for (int j = 0; j < kNumJoints; ++j) {
     const auto x =
         EvaluatePoint(JointAsPoint(j), state, angles, NoChange(), false);
-    EXPECT_LT((x.point_in_world - state.frames.joint_in_world[j]).norm(), 1e-12);
+    EXPECT_LT((x.point_in_world - state.frames.joint_in_world[j]).norm(),
+              1e-12);
   }
 }
 

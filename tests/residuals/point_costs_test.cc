@@ -62,7 +62,8 @@ struct PosedPoint {
 
   ParameterBlocks Parameters(unsigned seed) const {
     std::vector<double> lengths(kNumLengthGroups);
-    for (size_t g = 0; g < lengths.size(); ++g) lengths[g] = 0.01 * (g % 5) - .02;
+    for (size_t g = 0; g < lengths.size(); ++g)
+      lengths[g] = 0.01 * (g % 5) - .02;
     std::vector<double> pose = RandomCoordinates(angles, seed);
     // In the middle of the picture: beyond its border distances are clamped.
     pose[0] = 0.1 * pose[0];
@@ -134,12 +135,15 @@ TEST(ContourMatch, HandValueAndChecker) {
 Volume CubeVolume() {
   TriangleMesh cube;
   for (int i = 0; i < 8; ++i) {
-    cube.vertices.emplace_back(0.2 + (i & 1 ? .3 : -.3),
-                               1.1 + (i & 2 ? .3 : -.3),
-                               (i & 4 ? .3 : -.3));
+    cube.vertices.emplace_back(
+        0.2 + (i & 1 ? .3 : -.3), 1.1 + (i & 2 ? .3 : -.3), (i & 4 ? .3 : -.3));
   }
-  const std::vector<Quad> quads = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4},
-                                   {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
+  const std::vector<Quad> quads = {{0, 4, 6, 2},
+                                   {1, 3, 7, 5},
+                                   {0, 1, 5, 4},
+                                   {2, 6, 7, 3},
+                                   {0, 2, 3, 1},
+                                   {4, 5, 7, 6}};
   cube.triangles = TriangulateQuads(quads, cube.vertices);
   return VolumeFromMesh(cube, 0.01);
 }

@@ -16,7 +16,9 @@ namespace {
 using Eigen::Vector3d;
 
 BoneStatistics Shank() {
-  return {.mean_male = 0.24, .mean_female = 0.25, .sigma_population = 0.003,
+  return {.mean_male = 0.24,
+          .mean_female = 0.25,
+          .sigma_population = 0.003,
           .sigma_systematic = 0.004};
 }
 
@@ -76,8 +78,7 @@ TEST(Landmark, HandValueAndChecker) {
 
 TEST(Prior, HandValueAndChecker) {
   const PriorResidual cost(Eigen::Vector2d(1, 2), Eigen::Vector2d(0.5, 4));
-  EXPECT_EQ(EvaluateResidual(cost, {{2, 0}}),
-            (std::vector<double>{2.0, -0.5}));
+  EXPECT_EQ(EvaluateResidual(cost, {{2, 0}}), (std::vector<double>{2.0, -0.5}));
   EXPECT_EQ(CheckDerivatives(cost, {{2, 0}}), "");
   EXPECT_GT(JacobianSize(cost, {{1, 2}}), 0.2);
 }
@@ -98,7 +99,8 @@ TEST(RadiusSmoothness, StraightLinesAreFree) {
 }
 
 TEST(RadiusSmoothness, RoundSectionsAreFree) {
-  const std::unique_ptr<ceres::CostFunction> around(SmoothAroundSection(4, 0.1));
+  const std::unique_ptr<ceres::CostFunction> around(
+      SmoothAroundSection(4, 0.1));
   for (const double r : EvaluateResidual(*around, {{.2, .2, .2, .2}})) {
     EXPECT_NEAR(r, 0, 1e-12);
   }
@@ -113,9 +115,8 @@ TEST(RadiusSmoothness, MirroredRowsAreFree) {
        EvaluateResidual(*symmetry, {{1, 2, 3, 4}, {1, 4, 3, 2}})) {
     EXPECT_NEAR(r, 0, 1e-12);
   }
-  EXPECT_NEAR(EvaluateResidual(*symmetry, {{1, 2, 3, 4}, {1, 2, 3, 4}})[1],
-              -4,
-              1e-9);
+  EXPECT_NEAR(
+      EvaluateResidual(*symmetry, {{1, 2, 3, 4}, {1, 2, 3, 4}})[1], -4, 1e-9);
   EXPECT_EQ(CheckDerivatives(*symmetry, {{1, 2, 3, 4}, {1, 2, 0, 2}}), "");
   EXPECT_EQ(CheckWeight(*symmetry, {{1, 2, 3, 4}, {1, 2, 0, 2}}), "");
 }

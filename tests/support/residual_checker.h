@@ -79,9 +79,8 @@ inline std::string CheckDerivatives(const ceres::CostFunction& cost,
     const auto& measured = results.numeric_jacobians[b];
     for (int r = 0; r < given.rows(); ++r) {
       for (int c = 0; c < given.cols(); ++c) {
-        const double size = std::max({std::abs(given(r, c)),
-                                      std::abs(measured(r, c)),
-                                      1e-3 * largest});
+        const double size = std::max(
+            {std::abs(given(r, c)), std::abs(measured(r, c)), 1e-3 * largest});
         const double error = std::abs(given(r, c) - measured(r, c));
         if (!(error <= relative_tolerance * size)) {
           return "block " + std::to_string(b) + " residual " +

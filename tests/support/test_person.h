@@ -43,15 +43,12 @@ inline std::vector<double> RandomCoordinates(const JointAngles& angles,
                                              unsigned seed,
                                              double scale = 1) {
   std::mt19937 generator(seed);
-  const auto uniform = [&] {
-    return 2.0 * (generator() / 4294967296.0) - 1.0;
-  };
+  const auto uniform = [&] { return 2.0 * (generator() / 4294967296.0) - 1.0; };
   std::vector<double> pose = {uniform(), 1 + uniform(), uniform()};
   for (const JointAngle& angle : angles.angles()) {
     const double value =
         angle.usual + scale * uniform() * std::min(angle.sigma, 1.0);
-    pose.push_back(std::clamp(
-        value, angle.lower + 0.01, angle.upper - 0.01));
+    pose.push_back(std::clamp(value, angle.lower + 0.01, angle.upper - 0.01));
   }
   return pose;
 }
