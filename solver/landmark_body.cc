@@ -573,24 +573,32 @@ void BodyTracer::AddHead() {
   options.max_area = 0.02 * height_ * height_;
   options.max_length = 0.3 * height_;
   const LimbLine line = TraceLimb(volume_, ends_.head->path_in_world, options);
-  constexpr double kFirstNeck = 0.1;
-  constexpr double kLastNeck = 0.24;
-  constexpr double kUsualNeck = 0.155;
+  // The neck is narrow, and as far below the top as a head is high.
+  constexpr double kFirstNeck = 0.09;
+  constexpr double kLastNeck = 0.2;
+  constexpr double kUsualNeck = 0.13;
+  const Eigen::Vector3d top = ends_.head->point_in_world;
+  const Eigen::Vector3d body_down = (root_in_world_ - top).normalized();
   double narrowest = 1e9;
-  double s_neck = 0;
+  double below = 0;
+  Eigen::Vector3d narrow = top;
+  Eigen::Vector3d usual = top;
   for (const LimbSection& section : line) {
-    if (section.s < kFirstNeck * height_ || section.s > kLastNeck * height_) {
+    const double at = (section.point_in_world - top).dot(body_down) / height_;
+    if (at < kUsualNeck) usual = section.point_in_world;
+    if (at < kFirstNeck || at > kLastNeck || !section.free ||
+        section.cut.area >= narrowest) {
       continue;
     }
-    if (!section.free || section.cut.area >= narrowest) continue;
     narrowest = section.cut.area;
-    s_neck = section.s;
+    narrow = section.point_in_world;
+    below = at;
   }
   // Long hair and collars leave no narrow place between head and shoulders.
-  const bool is_clear = s_neck > (kFirstNeck + 0.012) * height_ &&
-                        s_neck < (kLastNeck - 0.012) * height_;
-  if (!is_clear) s_neck = kUsualNeck * height_;
-  const Eigen::Vector3d narrow = PointAt(line, s_neck);
+  constexpr double kMargin = 0.008;
+  const bool is_clear =
+      below > kFirstNeck + kMargin && below < kLastNeck - kMargin;
+  if (!is_clear) narrow = usual;
   const Eigen::Vector3d down = (root_in_world_ - narrow).normalized();
   // C7 lies behind the middle of the neck, a vertebra behind that of the waist.
   const Eigen::Vector3d neck = narrow + 0.015 * height_ * down -
