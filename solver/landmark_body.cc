@@ -567,12 +567,17 @@ void BodyTracer::AddHead() {
     result_.warnings.push_back("head: no end of the body is thick enough");
     return;
   }
-  // Sections from the head down towards the trunk.
+  // Sections from the head down towards the trunk. A head is round: a line
+  // through the centroids of its sections would lose its way there, so it
+  // begins straight and is centred once.
   TraceOptions options;
   options.half_size = 0.09 * height_;
   options.max_area = 0.02 * height_ * height_;
   options.max_length = 0.3 * height_;
-  const LimbLine line = TraceLimb(volume_, ends_.head->path_in_world, options);
+  options.smoothing = 0.05;
+  options.iterations = 1;
+  const LimbLine line = TraceLimb(
+      volume_, {ends_.head->point_in_world, root_in_world_}, options);
   // The neck is narrow, and as far below the top as a head is high.
   constexpr double kFirstNeck = 0.09;
   constexpr double kLastNeck = 0.2;
