@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <Eigen/Geometry>
 #include <fstream>
@@ -48,7 +49,7 @@ class CaptureTest : public ::testing::Test {
     const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
     folder_ = std::filesystem::path(::testing::TempDir()) /
               (std::string("sweepfit_") + info->test_suite_name() + "_" +
-               info->name());
+               info->name() + "_" + std::to_string(getpid()));
     std::filesystem::remove_all(folder_);
     std::filesystem::create_directories(folder_ / "folder");
     for (const char* name : {"a.png", "b.png", "m.png", "plate.png"}) {

@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>
@@ -130,7 +131,8 @@ class SegmentTest : public ::testing::Test {
   void SetUp() override {
     const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
     capture_.folder = std::filesystem::path(::testing::TempDir()) /
-                      (std::string("sweepfit_segment_") + info->name());
+                      (std::string("sweepfit_segment_") + info->name() + "_" +
+                       std::to_string(getpid()));
     std::filesystem::remove_all(capture_.folder);
     std::filesystem::create_directories(capture_.folder);
     capture_.poses.push_back({"A", {}, {}});

@@ -14,6 +14,7 @@
 
 #include "model/file_io.h"
 #include "model/input_error.h"
+#include "tests/support/temporary_folder.h"
 #include "tests/support/toy_body.h"
 
 namespace sweepfit {
@@ -48,7 +49,8 @@ class BodyIoTest : public ::testing::Test {
   }
 
   Body body_;
-  std::string path_ = ::testing::TempDir() + "sweepfit_body_io_test.json";
+  TemporaryFolder folder_;
+  std::string path_ = (folder_.path() / "body.json").string();
 };
 
 TEST_F(BodyIoTest, RoundTripPosesToTheSameBytes) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 #include <tiny_gltf.h>
+#include <unistd.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -76,7 +77,7 @@ class GlbTest : public testing::Test {
                 std::string(testing::UnitTest::GetInstance()
                                 ->current_test_info()
                                 ->name()) +
-                ".glb"))
+                "_" + std::to_string(getpid()) + ".glb"))
                   .string()) {}
   ~GlbTest() override { std::filesystem::remove(path_); }
 

@@ -11,6 +11,7 @@
 
 #include "model/file_io.h"
 #include "model/input_error.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sweepfit {
 namespace {
@@ -158,8 +159,6 @@ TEST(MeshTest, LargestComponentIsTheOneWithMostVolume) {
 
 class PlyTest : public ::testing::Test {
  protected:
-  ~PlyTest() override { std::remove(path_.c_str()); }
-
   TriangleMesh Load(const std::string& text) {
     WriteWholeFile(text, path_);
     return LoadPly(path_);
@@ -173,7 +172,8 @@ class PlyTest : public ::testing::Test {
     return "no error";
   }
 
-  std::string path_ = ::testing::TempDir() + "sweepfit_mesh_test.ply";
+  TemporaryFolder folder_;
+  std::string path_ = (folder_.path() / "mesh.ply").string();
 };
 
 constexpr char kAscii[] =

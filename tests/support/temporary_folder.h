@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -16,9 +17,11 @@ class TemporaryFolder {
  public:
   TemporaryFolder() {
     const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    path_ = std::filesystem::path(testing::TempDir()) /
-            ("sweepfit_" + std::string(test->test_suite_name()) + "_" +
-             test->name() + "_" + std::to_string(getpid()));
+    std::string name = "sweepfit_" + std::string(test->test_suite_name()) +
+                       "_" + test->name() + "_" + std::to_string(getpid());
+    // Parameterised tests have slashes in their names.
+    std::replace(name.begin(), name.end(), '/', '_');
+    path_ = std::filesystem::path(testing::TempDir()) / name;
     std::filesystem::remove_all(path_);
     std::filesystem::create_directories(path_);
   }

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Fits of small synthetic captures, of people the template does not know.
+#include <gtest/gtest.h>
+
+#include "experiments/metrics.h"
+#include "experiments/synthetic.h"
+#include "model/input_error.h"
+#include "solver/pipeline.h"
+#include "tests/support/temporary_folder.h"
+
+namespace sweepfit {
+namespace {
+
+SyntheticOptions SmallCapture() {
+  SyntheticOptions options;
+  options.num_cameras = 8;
+  options.width = options.height = 400;
+  options.background = false;  // given masks: segmentation has its own tests
+  return options;
+}
+
+std::vector<std::string> CameraIds(const Capture& capture) {
+  std::vector<std::string> ids;
+  for (const CaptureCamera& camera : capture.cameras) {
+    ids.push_back(camera.camera.id);
+  }
+  return ids;
+}
+
+JointPositions Joints(const PoseResult& pose) {
+  return pose.frames.joint_in_world;
+}
+
+TEST(Fit, FollowsASyntheticPerson) {
+  const TemporaryFolder folder;
+  const Capture capture =
+      WriteSyntheticCapture(folder.path() / "capture", SmallCapture(), nullptr);
+  FitOptions options;
+  options.until = "refine";
+  const FitResult result =
+      Fit(capture, {"A"}, CameraIds(capture), options, nullptr);
+  for (const StageSummary& stage : result.stages) {
+    EXPECT_TRUE(stage.status == "ok" || stage.status == "weak") << stage.stage;
+    EXPECT_GE(stage.seconds, 0) << stage.stage;
+  }
+  const std::filesystem::path truth = capture.folder / "truth" / "A";
+  const JointError joints = CompareJoints(
+      Joints(result.poses[0]), LoadTruthJoints(truth / "joints.json"));
+  // One pixel is 7 mm here; the bounds are those of a fit that works, not its
+  // accuracy, which tests/accuracy.sh measures on larger pictures.
+  EXPECT_LT(joints.limb_mpjpe, 0.045);
+  TriangleMesh mesh;
+  mesh.vertices = result.poses[0].vertices_in_world;
+  mesh.triangles = TriangulateQuads(result.body.topology.quads, mesh.vertices);
+  const TriangleMesh surface = LoadPly((truth / "surface.ply").string());
+  EXPECT_LT(CompareSurfaces(mesh, surface, 10000, 1).mean, 0.010);
+  EXPECT_LT(CompareSurfaces(surface, mesh, 10000, 1).mean, 0.010);
+  EXPECT_TRUE(CheckTopology(mesh).IsClosedManifold());
+}
+
+// Wherever the person turns and stands, left stays left.
+class TurnedCapture : public ::testing::TestWithParam<int> {};
+
+TEST_P(TurnedCapture, LeftStaysLeft) {
+  const TemporaryFolder folder;
+  SyntheticOptions synthetic = SmallCapture();
+  synthetic.yaw_degrees = GetParam();
+  synthetic.shift_x = 1;
+  synthetic.shift_z = GetParam() == 90 ? -1 : 0;
+  const Capture capture =
+      WriteSyntheticCapture(folder.path() / "capture", synthetic, nullptr);
+  FitOptions options;
+  options.until = "global";
+  const FitResult result =
+      Fit(capture, {"A"}, CameraIds(capture), options, nullptr);
+  const JointPositions truth =
+      LoadTruthJoints(capture.folder / "truth" / "A" / "joints.json");
+  const JointPositions joints = Joints(result.poses[0]);
+  for (const int joint : {kLWrist, kRWrist, kLAnkle, kRAnkle, kLHip, kRHip}) {
+    EXPECT_LT((joints[joint] - truth[joint]).norm(),
+              (joints[joint] - truth[MirrorJoint(joint)]).norm())
+        << kJointNames[joint];
+  }
+  EXPECT_LT(CompareJoints(joints, truth).limb_mpjpe, 0.06);
+}
+
+INSTANTIATE_TEST_SUITE_P(Yaw,
+                         TurnedCapture,
+                         ::testing::Values(0, 90, 180, 270));
+
+TEST(Fit, PosesShareOneBody) {
+  const TemporaryFolder folder;
+  SyntheticOptions synthetic = SmallCapture();
+  synthetic.poses = {"A", "T"};
+  const Capture capture =
+      WriteSyntheticCapture(folder.path() / "capture", synthetic, nullptr);
+  FitOptions options;
+  options.until = "local";
+  const FitResult result =
+      Fit(capture, {"A", "T"}, CameraIds(capture), options, nullptr);
+  ASSERT_EQ(result.poses.size(), 2u);
+  for (const PoseResult& pose : result.poses) {
+    const JointError joints = CompareJoints(
+        Joints(pose),
+        LoadTruthJoints(capture.folder / "truth" / pose.name / "joints.json"));
+    EXPECT_LT(joints.limb_mpjpe, 0.05) << pose.name;
+    EXPECT_NEAR(
+        (pose.frames.joint_in_world[kLKnee] - pose.frames.joint_in_world[kLHip])
+            .norm(),
+        result.body.skeleton.length[kLKnee],
+        1e-9);
+  }
+}
+
+TEST(Fit, LocalModesRunSideBySide) {
+  const TemporaryFolder folder;
+  const Capture capture =
+      WriteSyntheticCapture(folder.path() / "capture", SmallCapture(), nullptr);
+  for (const char* mode : {"paper", "hull"}) {
+    FitOptions options;
+    options.local.mode = mode;
+    options.until = "local";
+    const FitResult result =
+        Fit(capture, {"A"}, CameraIds(capture), options, nullptr);
+    TriangleMesh mesh;
+    mesh.vertices = result.poses[0].vertices_in_world;
+    mesh.triangles =
+        TriangulateQuads(result.body.topology.quads, mesh.vertices);
+    const TriangleMesh surface =
+        LoadPly((capture.folder / "truth" / "A" / "surface.ply").string());
+    // Radii read off a hull inherit its bias, but not more than that.
+    EXPECT_LT(CompareSurfaces(mesh, surface, 10000, 1).mean, 0.025) << mode;
+  }
+}
+
+TEST(Fit, RefusesWhatItCannotFit) {
+  const TemporaryFolder folder;
+  SyntheticOptions synthetic = SmallCapture();
+  synthetic.num_cameras = 4;
+  const Capture capture =
+      WriteSyntheticCapture(folder.path() / "capture", synthetic, nullptr);
+  const std::vector<std::string> ids = CameraIds(capture);
+  EXPECT_THROW(Fit(capture, {"Z"}, ids, {}, nullptr), InputError);
+  EXPECT_THROW(Fit(capture, {}, ids, {}, nullptr), InputError);
+  EXPECT_THROW(Fit(capture, {"A"}, {ids[0]}, {}, nullptr), InputError);
+  FitOptions options;
+  options.until = "breakfast";
+  EXPECT_THROW(Fit(capture, {"A"}, ids, options, nullptr), InputError);
+}
+
+}  // namespace
+}  // namespace sweepfit
