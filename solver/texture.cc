@@ -31,7 +31,7 @@ constexpr double kDepthStep = 0.03;
 constexpr double kDepthTolerance = 0.01;
 // Detail finer than this comes from the best view, the rest from all, metres.
 constexpr double kDetailScale = 0.02;
-// Views whose brightness is off the median by this share are doubted.
+// Views whose colour is off the median by this log ratio are doubted.
 constexpr double kDoubtfulLogRatio = 0.25;
 // Confidence from which nothing is filled in.
 constexpr double kSafeConfidence = 0.1;
@@ -354,7 +354,6 @@ struct Observation {
   double weight = 0;   // quality times resolution
   Color color;         // linear, exposure corrected
   Color coarse;
-  float log_brightness = 0;
 };
 
 // Looks at a point (world) with a unit normal; false where the view says
@@ -421,35 +420,34 @@ void ObserveAll(const std::vector<PreparedView>& views,
   }
 }
 
-// Of three or more views those that disagree with the weighted median of the
-// brightness lose weight: they see a highlight, or something else. Sorts the
-// observations by brightness.
+// Of three or more views those that disagree with the median colour lose
+// weight: they see a highlight, or a hand that hides this place although the
+// fitted hand does not. Every view has one vote: the one that looks straightest
+// is often the one that is hidden.
 void DoubtOutliers(std::vector<Observation>* observations) {
   if (observations->size() < 3) return;
-  double total = 0;
-  for (Observation& observation : *observations) {
-    observation.log_brightness =
-        std::log(std::max(1e-4f, observation.coarse.sum()));
-    total += observation.weight;
-  }
-  std::sort(observations->begin(),
-            observations->end(),
-            [](const Observation& a, const Observation& b) {
-              return a.log_brightness < b.log_brightness;
-            });
-  float median = observations->back().log_brightness;
-  double sum = 0;
-  for (const Observation& observation : *observations) {
-    sum += observation.weight;
-    if (sum >= 0.5 * total) {
-      median = observation.log_brightness;
-      break;
+  const auto log_color = [](const Observation& observation, int channel) {
+    return std::log(std::max(1e-4f, observation.coarse[channel]));
+  };
+  Color median;
+  std::vector<float> values(observations->size());
+  for (int channel = 0; channel < 3; ++channel) {
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      values[i] = log_color((*observations)[i], channel);
     }
+    const auto middle = values.begin() + values.size() / 2;
+    std::nth_element(values.begin(), middle, values.end());
+    median[channel] = *middle;
   }
   for (Observation& observation : *observations) {
-    const double off =
-        (observation.log_brightness - median) / kDoubtfulLogRatio;
-    observation.weight /= (1 + off * off) * (1 + off * off);
+    double off = 0;
+    for (int channel = 0; channel < 3; ++channel) {
+      const double difference =
+          (log_color(observation, channel) - median[channel]) /
+          kDoubtfulLogRatio;
+      off += difference * difference / 3;
+    }
+    observation.weight /= (1 + off) * (1 + off);
   }
 }
 
