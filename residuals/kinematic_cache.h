@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>
@@ -28,9 +29,11 @@ class KinematicCache {
 
   const Entry& At(const double* pose, const double* log_length) {
     const int n = angles_->num_parameters();
-    std::vector<double> key(pose, pose + n);
-    key.insert(key.end(), log_length, log_length + kNumLengthGroups);
-    if (key == key_) return entry_;
+    if (!key_.empty() && std::equal(pose, pose + n, key_.begin()) &&
+        std::equal(log_length, log_length + kNumLengthGroups,
+                   key_.begin() + n)) {
+      return entry_;
+    }
     Skeleton skeleton = base_;
     entry_.length[kRoot] = entry_.length_change[kRoot] = 0;
     for (int j = 1; j < kNumJoints; ++j) {
@@ -39,7 +42,8 @@ class KinematicCache {
       entry_.length_change[j] = skeleton.length[j] - base_.length[j];
     }
     entry_.state = EvaluateKinematics(skeleton, *angles_, pose);
-    key_ = std::move(key);
+    key_.assign(pose, pose + n);
+    key_.insert(key_.end(), log_length, log_length + kNumLengthGroups);
     return entry_;
   }
 

@@ -32,7 +32,7 @@ void FitGlobal(const std::vector<PoseEvidence>& evidence,
     outline.sigma = options.sigma_first *
                     std::pow(options.sigma_last / options.sigma_first, t);
     outline.max_distance = 60 - 40 * t;
-    outline.max_iterations = 6;
+    outline.max_iterations = 4;
     outline.stride = 3;
     const bool last = round + 1 == options.rounds;
     usable = SolvePerson(evidence,

@@ -22,7 +22,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kHullStride = 3;
+constexpr int kHullStride = 5;
 // Radii may not leave the template by more than a factor of e^0.9.
 constexpr double kLargestLogRatio = 0.9;
 
@@ -167,7 +167,7 @@ void AddEvidence(const PoseEvidence& evidence,
   hull.margin = 0.5 * evidence.volume->voxel_size();
   hull.sigma_outside = options.sigma_hull;
   for (int v = 0; v < body.num_vertices(); v += kHullStride) {
-    const double weight = 0.2 * FeatureWeight(body, v);
+    const double weight = 0.3 * FeatureWeight(body, v);
     if (weight <= 0) continue;
     // Deep inside and far outside the hull says nothing about a radius.
     const double phi = evidence.volume->Sample(posed.mesh.vertices[v]);
@@ -395,7 +395,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
       if (left == 0) break;
       // With better radii the outline says more about the pose.
       SolvePerson(evidence,
-                  {2 * options.sigma_rim, 20, 4, 3},
+                  {2 * options.sigma_rim, 20, 3, 3},
                   joint_options,
                   nullptr,
                   nullptr,

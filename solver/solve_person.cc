@@ -15,7 +15,7 @@ namespace {
 
 // Every n-th vertex is asked whether it lies inside the hull; vertices stand
 // about 12 mm apart, so this many still see every part.
-constexpr int kHullStride = 7;
+constexpr int kHullStride = 13;
 
 void AddSurface(const PoseEvidence& evidence,
                 int pose,
@@ -49,8 +49,10 @@ void AddSurface(const PoseEvidence& evidence,
     }
     return point;
   };
+  // Contour points stand farther apart than the vertices of the rim.
   const int stride = outline.stride;
-  for (size_t i = 0; i < rims.rim.size(); i += stride) {
+  const int rim_stride = 2 * stride;
+  for (size_t i = 0; i < rims.rim.size(); i += rim_stride) {
     const RimPoint& rim = rims.rim[i];
     const View& view = views[rim.view];
     problem->AddPoint(
@@ -58,7 +60,7 @@ void AddSurface(const PoseEvidence& evidence,
         pose,
         SilhouetteRim(&view.camera, &view.signed_distance, outline.sigma),
         carry(rim.vertex),
-        weight * std::min(1.0, stride * rim.weight),
+        weight * std::min(1.0, rim_stride * rim.weight),
         new ceres::HuberLoss(2));
   }
   for (size_t i = 0; i < rims.contour.size(); i += stride) {
@@ -84,7 +86,7 @@ void AddSurface(const PoseEvidence& evidence,
                       pose,
                       HullDistance(evidence.volume, hull),
                       carry(static_cast<int>(v)),
-                      0.3 * weight,
+                      0.5 * weight,
                       new ceres::HuberLoss(2));
   }
 }
