@@ -30,8 +30,8 @@ class KinematicCache {
   const Entry& At(const double* pose, const double* log_length) {
     const int n = angles_->num_parameters();
     if (!key_.empty() && std::equal(pose, pose + n, key_.begin()) &&
-        std::equal(log_length, log_length + kNumLengthGroups,
-                   key_.begin() + n)) {
+        std::equal(
+            log_length, log_length + kNumLengthGroups, key_.begin() + n)) {
       return entry_;
     }
     Skeleton skeleton = base_;

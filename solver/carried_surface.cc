@@ -73,6 +73,8 @@ double Hat(const std::vector<double>& knots, size_t k, double u) {
   return 0;
 }
 
+}  // namespace
+
 int MirrorSweep(const Body& body, int sweep) {
   for (size_t s = 0; s < body.sweeps.size(); ++s) {
     if (body.sweeps[s].chain[0] == MirrorJoint(body.sweeps[sweep].chain[0]) &&
@@ -83,8 +85,6 @@ int MirrorSweep(const Body& body, int sweep) {
   }
   return sweep;
 }
-
-}  // namespace
 
 GirthBasis::GirthBasis(const Body& body) {
   samples_.resize(body.sweeps.size());

@@ -12,6 +12,9 @@
 
 namespace sweepfit {
 
+// The sweep of the mirrored joints: itself for the trunk.
+int MirrorSweep(const Body& body, int sweep);
+
 // A few coarse girth parameters per sweep for the global fit: log ratios of
 // radii as hats along the sweep times a harmonic around the section (0: size,
 // 2: breadth against depth, 1: to the front or back). Left and right share a

@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <numbers>
+#include <string>
 
 #include "residuals/contour_match.h"
 #include "residuals/hull_distance.h"
@@ -13,6 +14,7 @@
 #include "residuals/radius_point_cost.h"
 #include "residuals/radius_smoothness.h"
 #include "residuals/silhouette_rim.h"
+#include "solver/carried_surface.h"
 #include "solver/fit_body.h"
 #include "solver/solve_person.h"
 #include "volume/cut_plane.h"
@@ -23,6 +25,8 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr int kHullStride = 5;
+// Outlines this far off on average mean a wrong posture, not a rough surface.
+constexpr double kSoundRimError = 0.015;  // metres
 // Radii may not leave the template by more than a factor of e^0.9.
 constexpr double kLargestLogRatio = 0.9;
 
@@ -199,20 +203,6 @@ std::vector<int> MirrorColumns(const Sweep& left, const Sweep& right) {
   return columns;
 }
 
-int FindMirror(const Body& body, size_t sweep) {
-  const Sweep& a = body.sweeps[sweep];
-  for (size_t s = 0; s < body.sweeps.size(); ++s) {
-    const Sweep& b = body.sweeps[s];
-    if (b.chain.size() != a.chain.size()) continue;
-    bool mirrored = true;
-    for (size_t k = 0; k < a.chain.size(); ++k) {
-      mirrored &= b.chain[k] == MirrorJoint(a.chain[k]);
-    }
-    if (mirrored) return static_cast<int>(s);
-  }
-  return static_cast<int>(sweep);
-}
-
 void AddRegularisation(const Body& body,
                        const LocalOptions& options,
                        Rows* rows,
@@ -221,7 +211,7 @@ void AddRegularisation(const Body& body,
     const Sweep& sweep = body.sweeps[s];
     const int n = sweep.num_columns();
     const auto row = [&](int r) { return (*rows)[s][r].data(); };
-    const int mirror = FindMirror(body, s);
+    const int mirror = MirrorSweep(body, static_cast<int>(s));
     for (int r = 0; r < sweep.num_rows(); ++r) {
       problem->AddResidualBlock(
           SmoothAroundSection(n, options.sigma_around), nullptr, row(r));
@@ -407,8 +397,14 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
     summary->figures["pose"] = person_report;
     if (!report["usable"].get<bool>()) summary->status = "failed";
   }
-  summary->figures["rim_error_end_mm"] =
-      1000 * RimErrorOfAllPoses(evidence, *joints, *body);
+  const double error = RimErrorOfAllPoses(evidence, *joints, *body);
+  summary->figures["rim_error_end_mm"] = 1000 * error;
+  if (error > kSoundRimError && summary->status == "ok") {
+    summary->status = "weak";
+    summary->warnings.push_back(
+        "the body's outline is " + std::to_string(std::lround(1000 * error)) +
+        " mm off the silhouettes on average: this is not a sound fit");
+  }
 }
 
 }  // namespace sweepfit

@@ -576,8 +576,8 @@ void BodyTracer::AddHead() {
   options.max_length = 0.3 * height_;
   options.smoothing = 0.05;
   options.iterations = 1;
-  const LimbLine line = TraceLimb(
-      volume_, {ends_.head->point_in_world, root_in_world_}, options);
+  const LimbLine line =
+      TraceLimb(volume_, {ends_.head->point_in_world, root_in_world_}, options);
   // The neck is narrow, and as far below the top as a head is high.
   constexpr double kFirstNeck = 0.09;
   constexpr double kLastNeck = 0.2;

@@ -198,6 +198,9 @@ FitResult Fit(const Capture& capture,
                    &result.body,
                    &joints,
                    summary);
+          for (const std::string& warning : summary->warnings) {
+            if (progress != nullptr) progress->Warning("local: " + warning);
+          }
         },
         progress,
         &result);

@@ -17,8 +17,8 @@ struct TextureOptions {
 };
 
 struct Texture {
-  cv::Mat3b atlas;        // BGR, gutters filled
-  cv::Mat1f confidence;   // 0: no camera saw this texel
+  cv::Mat3b atlas;       // BGR, gutters filled
+  cv::Mat1f confidence;  // 0: no camera saw this texel
 };
 
 // Back-projects the views of all poses onto the atlas. views[p] shows the body
