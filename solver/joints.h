@@ -37,7 +37,8 @@ struct JointOptions {
 struct JointEstimate {
   Pose pose;
   JointFrames frames;
-  // 3 x 3 covariance per joint, square metres.
+  // 3 x 3 covariance per joint, square metres, from landmarks, tables and
+  // priors.
   std::array<Eigen::Matrix3d, kNumJoints> covariance;
   // 1 - trace(posterior) / trace(prior), 0 (priors only) .. 1 (images only).
   std::array<double, kNumJoints> reliability{};

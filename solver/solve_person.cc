@@ -156,7 +156,10 @@ bool SolvePerson(const std::vector<PoseEvidence>& evidence,
   problem.HoldLengths(sigma_mode);
   const bool usable = problem.Solve(outline.max_iterations);
   if (report != nullptr) *report = problem.Report();
-  FillJointResult(problem, angles, parameters, report != nullptr, joints);
+  // Covariances stay those of landmarks and tables: with lengths held and an
+  // outline whose errors are shared along whole limbs, this problem's own would
+  // claim a millimetre.
+  FillJointResult(problem, angles, parameters, false, joints);
   for (int g = 0; g < kNumLengthGroups; ++g) {
     joints->log_length[g] = before[g] + parameters.log_length[g];
   }

@@ -20,8 +20,8 @@ struct OutlineFit {
 // One solve of poses, lengths and girths of a person with all residual
 // families: finds the rims of the body as it stands, assembles the problem and
 // solves it. `basis` null: girths stay. Updates body (lengths, girths), joints
-// and girth. False when no usable solution was found. `report` may be null;
-// otherwise it and the covariances of the joints are filled, which costs.
+// and girth; the joints' covariances stay. False when no usable solution was
+// found. `report` may be null; filling it costs.
 bool SolvePerson(const std::vector<PoseEvidence>& evidence,
                  const OutlineFit& outline,
                  const JointOptions& options,
