@@ -225,4 +225,52 @@ void MeasureTip(const std::vector<View>& views,
   }
 }
 
+void MeasureCorner(const std::vector<View>& views,
+                   const std::string& name,
+                   const Eigen::Vector3d& limb_in_world,
+                   const Eigen::Vector3d& other_limb_in_world,
+                   const Eigen::Vector3d& joint_in_world,
+                   double max_distance,
+                   std::vector<Landmark2>* points) {
+  constexpr double kStep = 0.5;  // pixels
+  const Eigen::Vector3d between = 0.5 * (limb_in_world + other_limb_in_world);
+  for (const View& view : views) {
+    if (view.camera.PointInCamera(between).z() <= 0.1 ||
+        view.camera.PointInCamera(joint_in_world).z() <= 0.1) {
+      continue;
+    }
+    const Eigen::Vector2d start = view.camera.ProjectPinhole(between);
+    const Eigen::Vector2d way =
+        view.camera.ProjectPinhole(joint_in_world) - start;
+    const double length = way.norm();
+    if (length < 4 || !IsInFrame(view, start) ||
+        !IsInFrame(view, start + way)) {
+      continue;
+    }
+    // A gap of a pixel or two is noise of the silhouette.
+    double before = SampleBilinear(view.signed_distance, start).value;
+    if (before < 2) continue;
+    for (double at = kStep; at <= length; at += kStep) {
+      const Eigen::Vector2d pixel = start + at / length * way;
+      const double distance = SampleBilinear(view.signed_distance, pixel).value;
+      if (distance <= 0) {
+        const double reach = max_distance * view.camera.FocalLength() /
+                             view.camera.PointInCamera(joint_in_world).z();
+        if (length - at > reach) break;
+        const double back = kStep * distance / (distance - before);
+        Landmark3 corner;
+        corner.name = name;
+        // Sharp along the way, wide across: the corner is rounded.
+        const Eigen::Vector2d along = way / length;
+        const Eigen::Matrix2d covariance =
+            64 * Eigen::Matrix2d::Identity() - 63 * along * along.transpose();
+        points->push_back(
+            MakePoint(view, corner, pixel - back * along, covariance));
+        break;
+      }
+      before = distance;
+    }
+  }
+}
+
 }  // namespace sweepfit

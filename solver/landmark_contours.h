@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "capture/silhouette.h"
@@ -48,5 +49,20 @@ void MeasureTip(const std::vector<View>& views,
                 const Landmark3& tip,
                 const Eigen::Vector3d& base_in_world,
                 std::vector<Landmark2>* points);
+
+// The silhouette's corner between two limbs (armpit, crotch, neck) in every
+// view that shows background between them: walking from the middle of the two
+// limb points towards the joint where the limbs meet, the first point of the
+// silhouette, if it lies within `max_distance` (metres) of the joint: limbs
+// that hide each other meet elsewhere in the picture. Views see different
+// points of the skin there, so corners are not triangulated; they are for
+// overlays and for other programs.
+void MeasureCorner(const std::vector<View>& views,
+                   const std::string& name,
+                   const Eigen::Vector3d& limb_in_world,
+                   const Eigen::Vector3d& other_limb_in_world,
+                   const Eigen::Vector3d& joint_in_world,
+                   double max_distance,
+                   std::vector<Landmark2>* points);
 
 }  // namespace sweepfit

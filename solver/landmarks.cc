@@ -40,6 +40,34 @@ void MeasureInViews(const std::vector<View>& views,
   }
 }
 
+// Corners of the outline lie this close to the joint behind them, of stature.
+constexpr double kCornerReach = 0.09;
+
+// Armpits, crotch and the corners of the neck, between the limbs beside them.
+void MeasureCorners(const std::vector<View>& views, LandmarkResult* result) {
+  const auto measure = [&](const std::string& name,
+                           std::string_view limb,
+                           std::string_view other_limb,
+                           std::string_view joint) {
+    const Landmark3* a = result->Find(limb);
+    const Landmark3* b = result->Find(other_limb);
+    const Landmark3* corner = result->Find(joint);
+    if (a == nullptr || b == nullptr || corner == nullptr) return;
+    MeasureCorner(views,
+                  name,
+                  a->point_in_world,
+                  b->point_in_world,
+                  corner->point_in_world,
+                  kCornerReach * result->stature,
+                  &result->points);
+  };
+  measure("crotch", "l_ankle", "r_ankle", "root");
+  measure("l_armpit", "l_wrist", "l_hip", "l_shoulder");
+  measure("r_armpit", "r_wrist", "r_hip", "r_shoulder");
+  measure("l_neck", "head_end", "l_elbow", "neck");
+  measure("r_neck", "head_end", "r_elbow", "neck");
+}
+
 // Standing upright, the crown's height above the floor, with hair and shoes in
 // the spread; else the limbs' usual shares of the stature.
 void EstimateStature(double height, LandmarkResult* result) {
@@ -155,6 +183,7 @@ LandmarkResult FindLandmarks(const std::vector<View>& views,
   result.facing_confidence = body.facing_confidence;
   result.unsafe_limbs = body.unsafe_limbs;
   EstimateStature(height, &result);
+  MeasureCorners(views, &result);
   Summarize(result, body, progress, summary);
   if (summary != nullptr) {
     summary->seconds =

@@ -143,6 +143,22 @@ TEST(LandmarksTest, MidpointsOfEdgesCentreTheLimb) {
   }
 }
 
+// Corners between limbs are seen where the limbs do not hide each other.
+TEST(LandmarksTest, FindsCornersOfTheOutline) {
+  const CapsulePerson person = MakePerson(kA, 0.0, Eigen::Vector3d::Zero());
+  const LandmarkResult result = Find(person);
+  for (const char* name : {"crotch", "l_armpit", "r_armpit"}) {
+    const auto seen = std::count_if(
+        result.points.begin(), result.points.end(), [&](const Landmark2& p) {
+          return p.name == name;
+        });
+    EXPECT_GE(seen, 2) << name;
+  }
+  for (const Landmark2& point : result.points) {
+    EXPECT_GT(point.covariance.determinant(), 0) << point.name;
+  }
+}
+
 TEST(LandmarksTest, ReportsAMissingArm) {
   const CapsulePerson person = MakePerson(kA, 0.4, {0, 0, 0}, false);
   StageSummary summary;
