@@ -5,7 +5,6 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <chrono>
 #include <exception>
 #include <utility>
 
@@ -221,7 +220,6 @@ std::vector<View> Segment(const Capture& capture,
                           const SegmentOptions& options,
                           Progress* progress,
                           StageSummary* summary) {
-  const auto start = std::chrono::steady_clock::now();
   if (const auto error = options.Check()) throw InputError(*error);
   const auto warn = [&](const std::string& text) {
     summary->warnings.push_back(text);
@@ -253,9 +251,6 @@ std::vector<View> Segment(const Capture& capture,
     }
   }
   summary->status = summary->warnings.empty() ? "ok" : "weak";
-  summary->seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start)
-          .count();
   if (views.size() < 2) {
     summary->status = "failed";
     std::string text = "pose " + pose.name + ": " +

@@ -2,7 +2,6 @@
 #include "solver/landmarks.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <string_view>
 #include <utility>
@@ -161,7 +160,6 @@ LandmarkResult FindLandmarks(const std::vector<View>& views,
                              const LandmarkOptions& options,
                              Progress* progress,
                              StageSummary* summary) {
-  const auto start = std::chrono::steady_clock::now();
   if (const auto error = options.Check()) throw InputError(*error);
   LandmarkResult result;
   result.floor_height = volume.BoxMin().y();
@@ -185,11 +183,6 @@ LandmarkResult FindLandmarks(const std::vector<View>& views,
   EstimateStature(height, &result);
   MeasureCorners(views, &result);
   Summarize(result, body, progress, summary);
-  if (summary != nullptr) {
-    summary->seconds =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start)
-            .count();
-  }
   return result;
 }
 

@@ -8,7 +8,6 @@
 #include <Eigen/Dense>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <map>
 #include <opencv2/imgproc.hpp>
@@ -868,7 +867,6 @@ Texture SolveTexture(
   CHECK(!options.Check().has_value());
   CHECK(!vertices_in_world.empty());
   CHECK_EQ(vertices_in_world.size(), views.size());
-  const auto start = std::chrono::steady_clock::now();
 
   const std::vector<Facet> facets = BuildFacets(body);
   std::vector<PosedSurface> surfaces;
@@ -901,11 +899,6 @@ Texture SolveTexture(
   FillGutters(map, &texture.atlas);
 
   Summarise(prepared, seen_share, options.size, progress, summary);
-  if (summary != nullptr) {
-    summary->seconds =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start)
-            .count();
-  }
   return texture;
 }
 

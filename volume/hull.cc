@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -346,7 +345,6 @@ Volume BuildVisualHull(const std::vector<View>& views,
                        const HullOptions& options,
                        Progress* progress,
                        StageSummary* summary) {
-  const auto start = std::chrono::steady_clock::now();
   if (const auto error = options.Check()) throw InputError(*error);
   const std::vector<SilhouetteCone> cones = MakeSilhouetteCones(views);
   BlockGrid blocks = BuildBlocks(cones, options.voxel_size);
@@ -397,11 +395,6 @@ Volume BuildVisualHull(const std::vector<View>& views,
     }
   }
   WarnOfPoorViews(views, coverage, progress, summary);
-  if (summary != nullptr) {
-    summary->seconds =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start)
-            .count();
-  }
   return volume;
 }
 
