@@ -75,6 +75,7 @@ int Run(int argc, char** argv) {
   AddSynthVerb(&command, &run);
   AddDemoVerb(&command, &run);
   AddEvaluateVerb(&command, &run);
+  AddImportVerb(&command, &run);
   try {
     command.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

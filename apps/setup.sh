@@ -41,8 +41,8 @@ install_build_packages() {
     libceres-dev libgoogle-glog-dev libeigen3-dev libsuitesparse-dev \
     libopencv-dev libopenvdb-dev libtbb-dev libboost-iostreams-dev zlib1g-dev \
     libblosc-dev libopenmesh-dev libcli11-dev libyaml-cpp-dev \
-    nlohmann-json3-dev libtinygltf-dev libembree-dev libnanoflann-dev \
-    libgtest-dev libgmock-dev libbenchmark-dev
+    nlohmann-json3-dev libtomlplusplus-dev libtinygltf-dev libembree-dev \
+    libnanoflann-dev libgtest-dev libgmock-dev libbenchmark-dev
 }
 
 # build TARGET...: configures the preset "release" and builds.

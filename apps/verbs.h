@@ -20,5 +20,6 @@ void AddFitVerb(CLI::App* command, std::function<void()>* run);
 void AddSynthVerb(CLI::App* command, std::function<void()>* run);
 void AddDemoVerb(CLI::App* command, std::function<void()>* run);
 void AddEvaluateVerb(CLI::App* command, std::function<void()>* run);
+void AddImportVerb(CLI::App* command, std::function<void()>* run);
 
 }  // namespace sweepfit
