@@ -13,7 +13,7 @@ using ::testing::SizeIs;
 
 TEST(Usage, HelpOfEachVerbShowsAnExample) {
   TemporaryFolder scratch;
-  for (const char* verb : {"fit", "synth", "demo", "evaluate"}) {
+  for (const char* verb : {"fit", "synth", "demo", "evaluate", "import"}) {
     const CommandOutcome outcome = RunCommand({verb, "--help"}, scratch.path());
     EXPECT_EQ(outcome.status, 0) << verb;
     EXPECT_THAT(outcome.out,
@@ -48,7 +48,9 @@ TEST(Usage, BadUsageIsOneLineAndStatusTwo) {
         Case{{"fit", "a", "--out", "b", "--threads", "0"}, "--threads"},
         Case{{"fit", "a", "--out", "b", "--threads", "x"}, "--threads"},
         Case{{"evaluate", "a"}, "--capture"},
-        Case{{"synth"}, "DIR"}}) {
+        Case{{"synth"}, "DIR"},
+        Case{{"import", "colmap", "a"}, "DIR"},
+        Case{{"import", "alien", "/", "b"}, "no calibration format"}}) {
     const CommandOutcome outcome = RunCommand(bad.arguments, scratch.path());
     SCOPED_TRACE(outcome.err);
     EXPECT_EQ(outcome.status, 2);
