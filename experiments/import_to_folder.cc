@@ -514,7 +514,6 @@ void Import::WriteMarker() const {
 }
 
 ImportReport Import::Run() {
-  Stage("reading the calibration");
   calibration_ = ReadCalibration(options_.format, options_.source);
   const Pictures pictures = Find();
   Stage("taking the pictures");
