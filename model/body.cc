@@ -8,6 +8,9 @@
 #include <cmath>
 #include <optional>
 
+#include "model/bend_shape.h"
+#include "model/unfold.h"
+
 namespace sweepfit {
 namespace {
 
@@ -134,12 +137,6 @@ SweepAttachment Attach(const Eigen::Vector3d& point,
 // x -> rotation x + translation.
 using RigidMotion = VertexMotion;
 
-RigidMotion MotionBetween(const SectionFrame& from, const SectionFrame& to) {
-  const Eigen::Matrix3d rotation =
-      to.world_from_section * from.world_from_section.transpose();
-  return {rotation, to.center_in_world - rotation * from.center_in_world};
-}
-
 // Sums rigid motions as dual quaternions.
 class MotionBlend {
  public:
@@ -171,39 +168,6 @@ int NumAttachments(const Binding& binding) {
   while (count < 3 && binding.attachment[count].sweep >= 0) ++count;
   return count;
 }
-
-// The axes of a body at rest and in a posture.
-//
-// Sections are moved, not reshaped: a point keeps its place in its section
-// frame. What bending does to the shape of a section (the volume lost where
-// the rounded axis is shorter than the bones it replaces, the inner side
-// folding over) would be a scaling of the point within the section, here.
-class SectionMotions {
- public:
-  SectionMotions(const Body& body, const Pose& pose)
-      : rest_axes_(MakeAxes(body, RestFrames(body.skeleton))),
-        posed_axes_(MakeAxes(body, ForwardKinematics(body.skeleton, pose))) {}
-
-  RigidMotion At(const Binding& binding) const {
-    const int count = NumAttachments(binding);
-    if (count == 1) return At(binding.attachment[0]);
-    MotionBlend blend;
-    for (int i = 0; i < count; ++i) {
-      const SweepAttachment& attachment = binding.attachment[i];
-      blend.Add(attachment.weight, At(attachment));
-    }
-    return blend.Normalized();
-  }
-
- private:
-  RigidMotion At(const SweepAttachment& attachment) const {
-    return MotionBetween(rest_axes_[attachment.sweep].At(attachment.u),
-                         posed_axes_[attachment.sweep].At(attachment.u));
-  }
-
-  std::vector<SweepAxis> rest_axes_;
-  std::vector<SweepAxis> posed_axes_;
-};
 
 // ------------------------------------------------------------------- rest
 
@@ -303,22 +267,151 @@ std::vector<Eigen::Vector3d> RestVertices(const Body& body) {
   return vertices;
 }
 
-std::vector<VertexMotion> VertexMotions(const Body& body, const Pose& pose) {
-  const SectionMotions sections(body, pose);
-  std::vector<VertexMotion> motions(body.num_vertices());
-  for (int v = 0; v < body.num_vertices(); ++v) {
-    motions[v] = sections.At(body.binding[v]);
+// Dual quaternions swell a joint that bends between two sweeps, linear
+// blending shrinks it: shoulders and hips keep their volume in between.
+constexpr double kLinearShare = 0.4;
+
+struct BodyDeformer::Impl {
+  explicit Impl(const Body& b)
+      : body(b),
+        rest_axes(MakeAxes(b, RestFrames(b.skeleton))),
+        rest_vertices(b.num_vertices()),
+        first(b.num_vertices() + 1) {
+    zones.reserve(body.sweeps.size());
+    for (std::size_t s = 0; s < body.sweeps.size(); ++s) {
+      zones.emplace_back(body.sweeps[s], rest_axes[s]);
+    }
+    for (int v = 0; v < body.num_vertices(); ++v) {
+      first[v] = static_cast<int>(attached.size());
+      rest_vertices[v] = RestVertex(body, rest_axes, v);
+      for (const SweepAttachment& a : body.binding[v].attachment) {
+        if (a.sweep < 0) break;
+        Attached at;
+        at.sweep = a.sweep;
+        at.weight = a.weight;
+        at.u = a.u;
+        at.offset = CenterOffset(body.sweeps[a.sweep], a.u);
+        const SectionFrame section = rest_axes[a.sweep].OnAxis(a.u);
+        at.world_from_section_at_rest = section.world_from_section;
+        at.point_in_section = section.world_from_section.transpose() *
+                              (rest_vertices[v] - section.center_in_world);
+        at.rest_change = zones[a.sweep].RestChange(
+            a.u,
+            section.world_from_section,
+            at.offset,
+            at.point_in_section.head<2>() - at.offset);
+        attached.push_back(at);
+      }
+    }
+    first[body.num_vertices()] = static_cast<int>(attached.size());
+    unfolder.emplace(body.topology.quads, rest_vertices);
+  }
+
+  // A vertex on one of its sweeps.
+  struct Attached {
+    int sweep;
+    double weight;
+    double u;
+    Eigen::Vector2d offset;            // section centre from the axis
+    Eigen::Vector3d point_in_section;  // from the axis, at rest
+    Eigen::Vector2d rest_change;
+    Eigen::Matrix3d world_from_section_at_rest;
+  };
+
+  void Deform(const Pose& pose,
+              std::vector<Eigen::Matrix3d>* rotations,
+              std::vector<Eigen::Vector3d>* vertices) const {
+    rotations->resize(rest_vertices.size());
+    vertices->resize(rest_vertices.size());
+    const std::vector<SweepAxis> axes =
+        MakeAxes(body, ForwardKinematics(body.skeleton, pose));
+    std::vector<BendShape> shapes;
+    shapes.reserve(axes.size());
+    for (std::size_t s = 0; s < axes.size(); ++s) {
+      shapes.emplace_back(zones[s], axes[s]);
+    }
+    for (int v = 0; v < body.num_vertices(); ++v) {
+      MotionBlend blend;
+      Eigen::Vector3d change_in_world = Eigen::Vector3d::Zero();
+      const int count = first[v + 1] - first[v];
+      for (int i = first[v]; i < first[v + 1]; ++i) {
+        const Attached& at = attached[i];
+        const SectionFrame posed = axes[at.sweep].OnAxis(at.u);
+        const Eigen::Matrix3d& frame = posed.world_from_section;
+        const Eigen::Vector2d change =
+            shapes[at.sweep].Change(at.u,
+                                    frame,
+                                    at.offset,
+                                    at.point_in_section.head<2>() - at.offset) -
+            at.rest_change;
+        const Eigen::Matrix3d rotation =
+            frame * at.world_from_section_at_rest.transpose();
+        const Eigen::Vector3d moved =
+            posed.center_in_world + frame * at.point_in_section;
+        if (count == 1) {
+          (*rotations)[v] = rotation;
+          (*vertices)[v] = moved + frame.leftCols<2>() * change;
+          break;
+        }
+        change_in_world +=
+            at.weight * (frame.leftCols<2>() * change + kLinearShare * moved);
+        blend.Add(at.weight, {rotation, moved - rotation * rest_vertices[v]});
+      }
+      if (count == 1) continue;
+      const RigidMotion motion = blend.Normalized();
+      (*rotations)[v] = motion.rotation;
+      (*vertices)[v] =
+          (1 - kLinearShare) *
+              (motion.rotation * rest_vertices[v] + motion.translation) +
+          change_in_world;
+    }
+    unfolder->Apply(*rotations, vertices);
+  }
+
+  const Body& body;
+  std::vector<SweepAxis> rest_axes;
+  std::vector<BendZones> zones;
+  std::vector<Eigen::Vector3d> rest_vertices;
+  std::vector<int> first;  // per vertex: its first entry in `attached`
+  std::vector<Attached> attached;
+  std::optional<Unfolder> unfolder;
+};
+
+BodyDeformer::BodyDeformer(const Body& body)
+    : impl_(std::make_unique<Impl>(body)) {}
+BodyDeformer::~BodyDeformer() = default;
+BodyDeformer::BodyDeformer(BodyDeformer&&) noexcept = default;
+BodyDeformer& BodyDeformer::operator=(BodyDeformer&&) noexcept = default;
+
+const std::vector<Eigen::Vector3d>& BodyDeformer::rest_vertices() const {
+  return impl_->rest_vertices;
+}
+
+std::vector<Eigen::Vector3d> BodyDeformer::Vertices(const Pose& pose) const {
+  std::vector<Eigen::Matrix3d> rotations;
+  std::vector<Eigen::Vector3d> vertices;
+  impl_->Deform(pose, &rotations, &vertices);
+  return vertices;
+}
+
+std::vector<VertexMotion> BodyDeformer::Motions(const Pose& pose) const {
+  std::vector<Eigen::Matrix3d> rotations;
+  std::vector<Eigen::Vector3d> vertices;
+  impl_->Deform(pose, &rotations, &vertices);
+  std::vector<VertexMotion> motions(vertices.size());
+  for (std::size_t v = 0; v < vertices.size(); ++v) {
+    motions[v] = {rotations[v],
+                  vertices[v] - rotations[v] * impl_->rest_vertices[v]};
   }
   return motions;
 }
 
 std::vector<Eigen::Vector3d> PoseVertices(const Body& body, const Pose& pose) {
-  const std::vector<VertexMotion> motions = VertexMotions(body, pose);
-  std::vector<Eigen::Vector3d> vertices = RestVertices(body);
-  for (int v = 0; v < body.num_vertices(); ++v) {
-    vertices[v] = motions[v].rotation * vertices[v] + motions[v].translation;
-  }
-  return vertices;
+  return BodyDeformer(body).Vertices(pose);
+}
+
+std::vector<VertexMotion> VertexMotions(const Body& body, const Pose& pose) {
+  return BodyDeformer(body).Motions(pose);
 }
 
 RestDerivative RestByLogRatio(const Body& body, int vertex) {

@@ -201,6 +201,15 @@ double Radius(const Sweep& sweep, double u, double theta) {
          std::exp(Interpolate(sweep.log_ratio, weights));
 }
 
+Eigen::Vector2d CenterOffset(const Sweep& sweep, double u) {
+  const RowWeights rows = KeyRowWeights(sweep, u);
+  Eigen::Vector2d offset = Eigen::Vector2d::Zero();
+  for (int i = 0; i < 4; ++i) {
+    offset += rows.weight[i] * sweep.center_offset.col(rows.index[i]);
+  }
+  return offset;
+}
+
 SweepAxis::SweepAxis(const Sweep& sweep,
                      const Skeleton& skeleton,
                      const JointFrames& frames)
@@ -290,24 +299,23 @@ void SweepAxis::CarryFrames(const std::vector<Eigen::Matrix3d>& target_frames) {
   }
 }
 
-SectionFrame SweepAxis::At(double u) const {
+SectionFrame SweepAxis::OnAxis(double u) const {
   const int last = static_cast<int>(bones_.size()) - 1;
   const int bone = static_cast<int>(std::clamp(std::floor(u), 0.0, 1.0 * last));
   const double fraction = u - bone;
-  SectionFrame section;
   if (bone < last && fraction > 1 - corners_[bone].range_before) {
-    section = InCorner(bone, u);
-  } else if (bone > 0 && fraction < corners_[bone - 1].range_after) {
-    section = InCorner(bone - 1, u);
-  } else {
-    section = OnBone(bone, fraction);
+    return InCorner(bone, u);
   }
-  const RowWeights rows = KeyRowWeights(sweep_, u);
-  for (int i = 0; i < 4; ++i) {
-    section.center_in_world +=
-        section.world_from_section.leftCols<2>() *
-        (rows.weight[i] * sweep_.center_offset.col(rows.index[i]));
+  if (bone > 0 && fraction < corners_[bone - 1].range_after) {
+    return InCorner(bone - 1, u);
   }
+  return OnBone(bone, fraction);
+}
+
+SectionFrame SweepAxis::At(double u) const {
+  SectionFrame section = OnAxis(u);
+  section.center_in_world +=
+      section.world_from_section.leftCols<2>() * CenterOffset(sweep_, u);
   return section;
 }
 

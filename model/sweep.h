@@ -70,6 +70,9 @@ SampleWeights RadiusWeights(const Sweep& sweep, double u, double theta);
 double TemplateRadius(const Sweep& sweep, double u, double theta);
 double Radius(const Sweep& sweep, double u, double theta);
 
+// The section centre from the axis, in (e1, e2), metres.
+Eigen::Vector2d CenterOffset(const Sweep& sweep, double u);
+
 // A section's frame in the world: origin on the section centre (offset
 // included), columns e1, e2, tangent.
 struct SectionFrame {
@@ -105,15 +108,10 @@ class SweepAxis {
 
   // Any u; see Sweep for u beyond the ends of the chain.
   SectionFrame At(double u) const;
+  // The same with the origin on the axis itself, without the centre offset.
+  SectionFrame OnAxis(double u) const;
 
- private:
-  struct Bone {
-    Eigen::Vector3d start_in_world;
-    Eigen::Vector3d along_in_world;    // from start to end
-    Eigen::Matrix3d world_from_start;  // section frame at the start, untwisted
-    double twist = 0;                  // radians gained until the bone's end
-  };
-  // The rounded corner between a bone and the next.
+  // The rounded corner between bone k and the next, at u = k + 1.
   struct Corner {
     Eigen::Vector3d joint_in_world;
     Eigen::Vector3d direction_before;  // unit vectors along the bones
@@ -125,7 +123,16 @@ class SweepAxis {
     double range_before = 0;  // h as a fraction of either bone
     double range_after = 0;
   };
+  int num_corners() const { return static_cast<int>(corners_.size()); }
+  const Corner& corner(int index) const { return corners_[index]; }
 
+ private:
+  struct Bone {
+    Eigen::Vector3d start_in_world;
+    Eigen::Vector3d along_in_world;    // from start to end
+    Eigen::Matrix3d world_from_start;  // section frame at the start, untwisted
+    double twist = 0;                  // radians gained until the bone's end
+  };
   // What begins the chain: the frame on its first bone before any twist.
   Eigen::Matrix3d StartFrame(const Eigen::Matrix3d& rest_frame,
                              const Eigen::Vector3d& rest_direction,

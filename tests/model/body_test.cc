@@ -142,7 +142,10 @@ TEST(BodyTest, MotionsAreRigidAndPoseTheVertices) {
   const std::vector<Eigen::Vector3d> posed = PoseVertices(body, pose);
   const std::vector<VertexMotion> motions = VertexMotions(body, pose);
   for (int v = 0; v < body.num_vertices(); ++v) {
-    EXPECT_EQ(posed[v], motions[v].rotation * rest[v] + motions[v].translation);
+    EXPECT_LT(
+        (posed[v] - motions[v].rotation * rest[v] - motions[v].translation)
+            .norm(),
+        1e-12);
     EXPECT_LT((motions[v].rotation.transpose() * motions[v].rotation -
                Eigen::Matrix3d::Identity())
                   .norm(),
@@ -170,9 +173,17 @@ TEST(BodyTest, BlendOfTwoSectionsLiesBetweenThem) {
   EXPECT_LT(
       (motion.rotation - Eigen::AngleAxisd(0.4, up).toRotationMatrix()).norm(),
       1e-12);
-  // A screw motion about the axis through the neck, at half its angle.
+  // Between the screw motion at half the angle, which keeps the distance from
+  // the axis through the neck, and the mean of both positions, which shrinks it
+  // by the cosine of half the angle.
   const Eigen::Vector3d neck = RestFrames(body.skeleton).joint_in_world[kNeck];
-  EXPECT_LT((motion.rotation * neck + motion.translation - neck).norm(), 1e-12);
+  Eigen::Vector3d rest = RestVertices(body).front() - neck;
+  Eigen::Vector3d posed =
+      motion.rotation * (rest + neck) + motion.translation - neck;
+  EXPECT_NEAR(rest.y(), posed.y(), 1e-12);
+  rest.y() = posed.y() = 0;
+  EXPECT_LT(posed.norm(), rest.norm());
+  EXPECT_GT(posed.norm(), std::cos(0.4) * rest.norm());
 }
 
 TEST(BodyTest, RestByLogRatioIsTheDerivative) {

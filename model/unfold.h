@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <vector>
+
+#include "model/mesh.h"
+
+namespace sweepfit {
+
+// Turns faces of a posed mesh back that a deep fold has turned over: at the
+// groin, the armpit or the nape a joint can bend further than the skin beside
+// it has room for. The vertices of such faces and their neighbours are drawn
+// to the mean of the vertices around them until every face looks to the side
+// that its vertices' rotations say, or a number of rounds is over. Faces
+// elsewhere stay as they are, so a posture without folds is left alone.
+class Unfolder {
+ public:
+  Unfolder(const std::vector<Quad>& quads,
+           const std::vector<Eigen::Vector3d>& rest);
+
+  // `rotation`: how every vertex has turned from rest. Returns the number of
+  // faces (triangles of the quads split as at rest) that remain turned over.
+  int Apply(const std::vector<Eigen::Matrix3d>& rotation,
+            std::vector<Eigen::Vector3d>* vertices) const;
+
+ private:
+  bool IsTurned(const std::vector<Eigen::Matrix3d>& rotation,
+                const std::vector<Eigen::Vector3d>& vertices,
+                int triangle) const;
+
+  // Lists per vertex, one after the other: those of vertex v begin at
+  // first[v].
+  struct Lists {
+    std::vector<int> first;
+    std::vector<int> entry;
+    void AppendTo(int v, std::vector<int>* list) const {
+      list->insert(
+          list->end(), entry.begin() + first[v], entry.begin() + first[v + 1]);
+    }
+  };
+  template <typename Face>
+  static Lists ListPerVertex(const std::vector<Face>& faces,
+                             std::size_t num_vertices,
+                             bool of_neighbours);
+
+  std::vector<Triangle> triangles_;
+  std::vector<Eigen::Vector3d> rest_normal_;  // unit, per triangle
+  std::vector<int> watched_;                  // triangles not creased at rest
+  Lists neighbours_;  // vertices, those across an inner edge twice
+  Lists triangles_around_;
+};
+
+}  // namespace sweepfit
