@@ -76,6 +76,7 @@ int Run(int argc, char** argv) {
   AddDemoVerb(&command, &run);
   AddEvaluateVerb(&command, &run);
   AddImportVerb(&command, &run);
+  AddAnimateVerb(&command, &run);
   try {
     command.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

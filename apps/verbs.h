@@ -21,5 +21,6 @@ void AddSynthVerb(CLI::App* command, std::function<void()>* run);
 void AddDemoVerb(CLI::App* command, std::function<void()>* run);
 void AddEvaluateVerb(CLI::App* command, std::function<void()>* run);
 void AddImportVerb(CLI::App* command, std::function<void()>* run);
+void AddAnimateVerb(CLI::App* command, std::function<void()>* run);
 
 }  // namespace sweepfit

@@ -14,6 +14,7 @@
 #include "experiments/report_html.h"
 #include "experiments/version.h"
 #include "model/body_io.h"
+#include "model/bvh.h"
 #include "model/gltf.h"
 #include "model/input_error.h"
 
@@ -110,6 +111,7 @@ class Writer {
     if (RunsStage(options_, "joints")) {
       joints = JointsToJson(result_.poses);
       WriteText(folder_ / "joints.json", Dump(joints));
+      WritePosesBvh();
     }
     if (has_mesh_) {
       WriteBody();
@@ -273,6 +275,14 @@ class Writer {
             clips,
             options,
             (folder_ / "model.glb").string());
+  }
+
+  // poses.bvh: every captured posture as a frame of one second.
+  void WritePosesBvh() const {
+    std::vector<Pose> poses;
+    for (const PoseResult& pose : result_.poses) poses.push_back(pose.pose);
+    SaveBvh(BvhFromPoses(result_.body.skeleton, poses, 1.0),
+            (folder_ / "poses.bvh").string());
   }
 
   Json Report(double write_seconds) const {

@@ -100,6 +100,7 @@ TEST(ResultFolder, HoldsEveryFileOfACompleteFit) {
                            "body.json",
                            "mesh_A.ply",
                            "joints.json",
+                           "poses.bvh",
                            "volume_A.vdb",
                            "volume_A.ply",
                            "masks/A_front.png",
@@ -195,6 +196,7 @@ TEST(ResultFolder, StopsWhereTheFitStopped) {
   EXPECT_TRUE(fs::exists(scratch.path() / "report.html"));
   for (const char* name : {"landmarks.json",
                            "joints.json",
+                           "poses.bvh",
                            "mesh_A.ply",
                            "body.json",
                            "model.glb",
