@@ -21,24 +21,23 @@ using ::testing::HasSubstr;
 // A result folder with nothing but a body, and a motion.
 class AnimateTest : public ::testing::Test {
  protected:
-  static void SetUpTestSuite() {
-    folder_ = new TemporaryFolder;
+  AnimateTest() {
+    static const Body kBody = BuildTemplate({});
     std::filesystem::create_directory(Path("result"));
-    SaveBody(BuildTemplate({}), Path("result/body.json"));
+    SaveBody(kBody, Path("result/body.json"));
     WalkingRig rig;
     rig.Walk(1.5);
     SaveBvh(rig.motion(), Path("walk.bvh"));
   }
-  static void TearDownTestSuite() { delete folder_; }
 
-  static std::string Path(const std::string& name) {
-    return (folder_->path() / name).string();
+  std::string Path(const std::string& name) const {
+    return (folder_.path() / name).string();
   }
 
-  static CommandOutcome Animate(const std::vector<std::string>& options) {
+  CommandOutcome Animate(const std::vector<std::string>& options) const {
     std::vector<std::string> arguments = {"animate", Path("result")};
     arguments.insert(arguments.end(), options.begin(), options.end());
-    return RunCommand(arguments, folder_->path());
+    return RunCommand(arguments, folder_.path());
   }
 
   static void ExpectError(const CommandOutcome& outcome,
@@ -48,9 +47,8 @@ class AnimateTest : public ::testing::Test {
     EXPECT_THAT(outcome.ErrorLines()[0], HasSubstr(text));
   }
 
-  static TemporaryFolder* folder_;
+  TemporaryFolder folder_;
 };
-TemporaryFolder* AnimateTest::folder_ = nullptr;
 
 TEST_F(AnimateTest, WritesClipMotionAndPreviewRepeatably) {
   std::vector<std::string> first;
@@ -95,7 +93,7 @@ TEST_F(AnimateTest, WhatIsWrongIsNamed) {
   ExpectError(Animate({"--bvh", Path("none.bvh"), "--out", out}),
               Path("none.bvh"));
   ExpectError(RunCommand({"animate", Path("x"), "--bvh", walk, "--out", out},
-                         folder_->path()),
+                         folder_.path()),
               "body.json");
   WriteWholeFile("HIERARCHY\nROOT Hips\n{\n  OFFSET 0 0\n", Path("bad.bvh"));
   ExpectError(Animate({"--bvh", Path("bad.bvh"), "--out", out}),
