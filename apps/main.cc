@@ -77,6 +77,7 @@ int Run(int argc, char** argv) {
   AddEvaluateVerb(&command, &run);
   AddImportVerb(&command, &run);
   AddAnimateVerb(&command, &run);
+  AddExperimentVerb(&command, &run);
   try {
     command.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -22,5 +22,6 @@ void AddDemoVerb(CLI::App* command, std::function<void()>* run);
 void AddEvaluateVerb(CLI::App* command, std::function<void()>* run);
 void AddImportVerb(CLI::App* command, std::function<void()>* run);
 void AddAnimateVerb(CLI::App* command, std::function<void()>* run);
+void AddExperimentVerb(CLI::App* command, std::function<void()>* run);
 
 }  // namespace sweepfit

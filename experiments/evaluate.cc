@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <fstream>
+#include <functional>
 #include <opencv2/imgcodecs.hpp>
 
 #include "capture/render.h"
@@ -66,98 +67,72 @@ cv::Mat1f LoadResultMask(const fs::path& path, const Camera& camera) {
   return coverage;
 }
 
-// Everything that the scores of one pose need.
-class PoseEvaluator {
- public:
-  PoseEvaluator(const Capture& capture,
-                const CapturePose& pose,
-                const fs::path& folder,
-                const std::vector<std::string>& fit_cameras,
-                const SegmentOptions& segment)
-      : capture_(capture),
-        pose_(pose),
-        folder_(folder),
-        fit_cameras_(fit_cameras),
-        segment_(segment),
-        mesh_(LoadPly((folder / ("mesh_" + pose.name + ".ply")).string())) {}
+fs::path TruthFolder(const Capture& capture, const std::string& pose_name) {
+  return capture.folder / "truth" / pose_name;
+}
 
-  std::vector<CameraScore> Silhouettes(Progress* progress) const {
-    std::vector<CameraScore> scores;
-    std::vector<cv::Mat1f> masks;
-    for (const CaptureCamera& camera : capture_.cameras) {
-      CameraScore score;
-      score.camera_id = camera.camera.id;
-      score.in_fit = std::find(fit_cameras_.begin(),
-                               fit_cameras_.end(),
-                               score.camera_id) != fit_cameras_.end();
-      const cv::Mat1f mask = Reference(camera.camera, progress, &score);
-      if (mask.empty()) continue;
-      masks.push_back(mask);
-      scores.push_back(score);
-    }
-    tbb::parallel_for(size_t{0}, scores.size(), [&](size_t i) {
-      const Camera& camera = capture_.FindCamera(scores[i].camera_id).camera;
-      scores[i].error = CompareMasks(RenderCoverage(camera, mesh_), masks[i]);
-    });
-    return scores;
+// The silhouette of one camera to compare with and where it comes from; empty
+// when there is none.
+using Reference = std::function<cv::Mat1f(const Camera&, CameraScore*)>;
+
+cv::Mat1f TruthMask(const Capture& capture,
+                    const std::string& pose_name,
+                    const Camera& camera,
+                    CameraScore* score) {
+  const fs::path mask =
+      fs::path("truth") / pose_name / "masks" / (camera.id + ".png");
+  if (!fs::exists(capture.folder / mask)) return {};
+  score->reference = "truth";
+  return LoadMask(capture, mask.string(), camera);
+}
+
+std::vector<CameraScore> ScoreSilhouettes(
+    const Capture& capture,
+    const TriangleMesh& mesh,
+    const std::vector<std::string>& fit_cameras,
+    const Reference& reference) {
+  std::vector<CameraScore> scores;
+  std::vector<cv::Mat1f> masks;
+  for (const CaptureCamera& camera : capture.cameras) {
+    CameraScore score;
+    score.camera_id = camera.camera.id;
+    score.in_fit =
+        std::find(fit_cameras.begin(), fit_cameras.end(), score.camera_id) !=
+        fit_cameras.end();
+    const cv::Mat1f mask = reference(camera.camera, &score);
+    if (mask.empty()) continue;
+    masks.push_back(mask);
+    scores.push_back(score);
   }
+  tbb::parallel_for(size_t{0}, scores.size(), [&](size_t i) {
+    const Camera& camera = capture.FindCamera(scores[i].camera_id).camera;
+    scores[i].error = CompareMasks(RenderCoverage(camera, mesh), masks[i]);
+  });
+  return scores;
+}
 
-  // Fills what the truth folder has; false when it has nothing.
-  bool Truth(const EvaluateOptions& options, PoseScore* score) const {
-    const fs::path truth = TruthFolder();
-    bool any = false;
-    if (fs::exists(truth / "joints.json")) {
-      score->joints = CompareJoints(FittedJoints(folder_, pose_.name),
-                                    LoadTruthJoints(truth / "joints.json"));
-      any = true;
-    }
-    if (fs::exists(truth / "surface.ply")) {
-      const TriangleMesh surface = LoadPly((truth / "surface.ply").string());
-      score->fit_to_truth = CompareSurfaces(
-          mesh_, surface, options.surface_samples, options.seed);
-      score->truth_to_fit = CompareSurfaces(
-          surface, mesh_, options.surface_samples, options.seed);
-      any = true;
-    }
-    return any || fs::exists(truth / "masks");
+// Fills what the truth folder has of joints and surface; false when it has
+// neither.
+bool ScoreShape(const fs::path& truth,
+                const FittedPose& fitted,
+                const EvaluateOptions& options,
+                PoseScore* score) {
+  bool any = false;
+  if (fitted.joints && fs::exists(truth / "joints.json")) {
+    score->joints =
+        CompareJoints(*fitted.joints, LoadTruthJoints(truth / "joints.json"));
+    any = true;
   }
-
- private:
-  fs::path TruthFolder() const {
-    return capture_.folder / "truth" / pose_.name;
+  if (fitted.mesh && fs::exists(truth / "surface.ply")) {
+    const TriangleMesh surface = LoadPly((truth / "surface.ply").string());
+    score->fit_to_truth = CompareSurfaces(
+        *fitted.mesh, surface, options.surface_samples, options.seed);
+    score->truth_to_fit = CompareSurfaces(
+        surface, *fitted.mesh, options.surface_samples, options.seed);
+    any = true;
   }
-
-  // The silhouette to compare with; empty when the camera has no picture.
-  cv::Mat1f Reference(const Camera& camera,
-                      Progress* progress,
-                      CameraScore* score) const {
-    const fs::path truth =
-        fs::path("truth") / pose_.name / "masks" / (camera.id + ".png");
-    if (fs::exists(capture_.folder / truth)) {
-      score->reference = "truth";
-      return LoadMask(capture_, truth.string(), camera);
-    }
-    const fs::path own =
-        folder_ / "masks" / (pose_.name + "_" + camera.id + ".png");
-    if (fs::exists(own)) {
-      score->reference = "result";
-      return LoadResultMask(own, camera);
-    }
-    if (!pose_.images.contains(camera.id)) return {};
-    score->reference = "segmented";
-    StageSummary summary;
-    return Segment(capture_, pose_, {camera.id}, segment_, progress, &summary)
-        .front()
-        .coverage;
-  }
-
-  const Capture& capture_;
-  const CapturePose& pose_;
-  fs::path folder_;
-  const std::vector<std::string>& fit_cameras_;
-  const SegmentOptions& segment_;
-  TriangleMesh mesh_;
-};
+  return any;
+}
 
 // What the result says of its own fit.
 struct FitRecord {
@@ -198,15 +173,19 @@ Json ErrorToJson(const SilhouetteError& error) {
 }
 
 Json ErrorToJson(const JointError& error) {
-  Json per_joint = Json::object();
+  Json per_joint = Json::object(), offset = Json::object();
   for (int joint = 0; joint < kNumJoints; ++joint) {
-    per_joint[std::string(kJointNames[joint])] = error.per_joint[joint];
+    const std::string name(kJointNames[joint]);
+    const Eigen::Vector3d& v = error.offset_in_body[joint];
+    per_joint[name] = error.per_joint[joint];
+    offset[name] = {v.x(), v.y(), v.z()};
   }
   return {{"mpjpe", error.mpjpe},
           {"limb_mpjpe", error.limb_mpjpe},
           {"pa_mpjpe", error.pa_mpjpe},
           {"bone_length_mae", error.bone_length_mae},
-          {"per_joint", per_joint}};
+          {"per_joint", per_joint},
+          {"offset_in_body", offset}};
 }
 
 Json ErrorToJson(const SurfaceError& error) {
@@ -260,6 +239,26 @@ std::optional<SilhouetteError> MeanSilhouetteError(const PoseScore& score,
   return mean;
 }
 
+PoseScore ScoreAgainstTruth(const Capture& capture,
+                            const std::string& pose_name,
+                            const FittedPose& fitted,
+                            const std::vector<std::string>& fit_cameras,
+                            const EvaluateOptions& options) {
+  PoseScore score;
+  score.pose = pose_name;
+  if (fitted.mesh) {
+    score.cameras = ScoreSilhouettes(
+        capture,
+        *fitted.mesh,
+        fit_cameras,
+        [&](const Camera& camera, CameraScore* of_camera) {
+          return TruthMask(capture, pose_name, camera, of_camera);
+        });
+  }
+  ScoreShape(TruthFolder(capture, pose_name), fitted, options, &score);
+  return score;
+}
+
 Evaluation EvaluateResult(const Capture& capture,
                           const fs::path& result_folder,
                           const EvaluateOptions& options,
@@ -274,15 +273,43 @@ Evaluation EvaluateResult(const Capture& capture,
   for (const CapturePose& pose : capture.poses) {
     if (!fs::exists(result_folder / ("mesh_" + pose.name + ".ply"))) continue;
     if (progress != nullptr) progress->Stage("evaluate", pose.name);
-    const PoseEvaluator evaluator(capture,
-                                  pose,
-                                  result_folder,
-                                  record.cameras,
-                                  record.config.options.segment);
+    FittedPose fitted;
+    fitted.mesh =
+        LoadPly((result_folder / ("mesh_" + pose.name + ".ply")).string());
+    // Truth first, then what the fit itself saw, then the picture.
+    const Reference reference = [&](const Camera& camera, CameraScore* score) {
+      cv::Mat1f mask = TruthMask(capture, pose.name, camera, score);
+      if (!mask.empty()) return mask;
+      const fs::path own =
+          result_folder / "masks" / (pose.name + "_" + camera.id + ".png");
+      if (fs::exists(own)) {
+        score->reference = "result";
+        return LoadResultMask(own, camera);
+      }
+      if (!pose.images.contains(camera.id)) return mask;
+      score->reference = "segmented";
+      StageSummary summary;
+      return Segment(capture,
+                     pose,
+                     {camera.id},
+                     record.config.options.segment,
+                     progress,
+                     &summary)
+          .front()
+          .coverage;
+    };
     PoseScore score;
     score.pose = pose.name;
-    score.cameras = evaluator.Silhouettes(progress);
-    if (options.truth) has_truth |= evaluator.Truth(options, &score);
+    score.cameras =
+        ScoreSilhouettes(capture, *fitted.mesh, record.cameras, reference);
+    if (options.truth) {
+      const fs::path truth = TruthFolder(capture, pose.name);
+      if (fs::exists(truth / "joints.json")) {
+        fitted.joints = FittedJoints(result_folder, pose.name);
+      }
+      has_truth |= ScoreShape(truth, fitted, options, &score) ||
+                   fs::exists(truth / "masks");
+    }
     evaluation.poses.push_back(score);
   }
   if (evaluation.poses.empty()) {
@@ -331,27 +358,32 @@ std::string EvaluationTable(const Evaluation& evaluation) {
   return text;
 }
 
+Json PoseScoreToJson(const PoseScore& score) {
+  Json pose = Json::object();
+  if (score.joints) pose["joints"] = ErrorToJson(*score.joints);
+  if (score.fit_to_truth) {
+    pose["surface"] = {{"fit_to_truth", ErrorToJson(*score.fit_to_truth)},
+                       {"truth_to_fit", ErrorToJson(*score.truth_to_fit)}};
+  }
+  for (const bool in_fit : {true, false}) {
+    const auto mean = MeanSilhouetteError(score, in_fit);
+    if (mean) {
+      pose["silhouette"][in_fit ? "fit" : "holdout"] = ErrorToJson(*mean);
+    }
+  }
+  for (const CameraScore& camera : score.cameras) {
+    Json& entry = pose["cameras"][camera.camera_id];
+    entry = ErrorToJson(camera.error);
+    entry["group"] = camera.in_fit ? "fit" : "holdout";
+    entry["reference"] = camera.reference;
+  }
+  return pose;
+}
+
 Json EvaluationToJson(const Evaluation& evaluation) {
   Json poses = Json::object();
   for (const PoseScore& score : evaluation.poses) {
-    Json& pose = poses[score.pose] = Json::object();
-    if (score.joints) pose["joints"] = ErrorToJson(*score.joints);
-    if (score.fit_to_truth) {
-      pose["surface"] = {{"fit_to_truth", ErrorToJson(*score.fit_to_truth)},
-                         {"truth_to_fit", ErrorToJson(*score.truth_to_fit)}};
-    }
-    for (const bool in_fit : {true, false}) {
-      const auto mean = MeanSilhouetteError(score, in_fit);
-      if (mean) {
-        pose["silhouette"][in_fit ? "fit" : "holdout"] = ErrorToJson(*mean);
-      }
-    }
-    for (const CameraScore& camera : score.cameras) {
-      Json& entry = pose["cameras"][camera.camera_id];
-      entry = ErrorToJson(camera.error);
-      entry["group"] = camera.in_fit ? "fit" : "holdout";
-      entry["reference"] = camera.reference;
-    }
+    poses[score.pose] = PoseScoreToJson(score);
   }
   return {{"capture", evaluation.capture},
           {"holdout_scores_void", evaluation.holdout_void},

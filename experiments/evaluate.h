@@ -43,6 +43,20 @@ struct Evaluation {
   std::vector<PoseScore> poses;
 };
 
+// A fitted pose in memory, world metres.
+struct FittedPose {
+  std::optional<JointPositions> joints;
+  std::optional<TriangleMesh> mesh;
+};
+
+// Scores a pose against the truth folder of the capture, as far as it has
+// something to compare with: joints, surface, and masks of all cameras.
+PoseScore ScoreAgainstTruth(const Capture& capture,
+                            const std::string& pose_name,
+                            const FittedPose& fitted,
+                            const std::vector<std::string>& fit_cameras,
+                            const EvaluateOptions& options);
+
 // Scores a result folder against its capture: mesh_<pose>.ply drawn into every
 // camera and compared with truth/<pose>/masks/<camera>.png where there is one,
 // else with the result's own masks/, else (cameras that the fit did not use)
@@ -59,6 +73,7 @@ Evaluation EvaluateResult(const Capture& capture,
 std::string EvaluationTable(const Evaluation& evaluation);
 // Metres and pixels.
 nlohmann::ordered_json EvaluationToJson(const Evaluation& evaluation);
+nlohmann::ordered_json PoseScoreToJson(const PoseScore& score);
 
 // Mean over the cameras of one group; none: nothing.
 std::optional<SilhouetteError> MeanSilhouetteError(const PoseScore& score,

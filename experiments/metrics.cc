@@ -217,6 +217,18 @@ std::vector<Eigen::Vector3d> SampleSurface(const TriangleMesh& mesh,
   return points;
 }
 
+// Rows: left (across the hips, level), up (+Y), front.
+Eigen::Matrix3d BodyFromWorld(const JointPositions& joints) {
+  Eigen::Vector3d left = joints[kLHip] - joints[kRHip];
+  left.y() = 0;
+  if (left.norm() < 1e-6) return Eigen::Matrix3d::Identity();
+  left.normalize();
+  Eigen::Matrix3d body_from_world;
+  body_from_world << left.transpose(), Eigen::RowVector3d::UnitY(),
+      left.cross(Eigen::Vector3d::UnitY()).transpose();
+  return body_from_world;
+}
+
 }  // namespace
 
 SilhouetteError CompareMasks(const cv::Mat1f& mask, const cv::Mat1f& truth) {
@@ -257,7 +269,9 @@ JointError CompareJoints(const JointPositions& joints,
                          const JointPositions& truth) {
   JointError error;
   int num_bones = 0;
+  const Eigen::Matrix3d body_from_world = BodyFromWorld(truth);
   for (int j = 0; j < kNumJoints; ++j) {
+    error.offset_in_body[j] = body_from_world * (joints[j] - truth[j]);
     error.per_joint[j] = (joints[j] - truth[j]).norm();
     error.mpjpe += error.per_joint[j] / kNumJoints;
     if (!IsComparedBone(j)) continue;

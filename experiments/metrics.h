@@ -33,6 +33,9 @@ struct JointError {
   double pa_mpjpe = 0;         // after a similarity alignment
   double bone_length_mae = 0;  // metres; without neck-shoulder and root-hip
   std::array<double, kNumJoints> per_joint{};
+  // Joint minus true joint along the person's left, up and front, as the true
+  // hips say: rigs that place a joint elsewhere on purpose show here.
+  std::array<Eigen::Vector3d, kNumJoints> offset_in_body;
 };
 using JointPositions = std::array<Eigen::Vector3d, kNumJoints>;
 JointError CompareJoints(const JointPositions& joints,

@@ -92,7 +92,7 @@ class Writer {
       meshes_.push_back(has_mesh_
                             ? PosedMesh(result_.body, pose.vertices_in_world)
                             : TriangleMesh());
-      for (const View& view : pose.views) {
+      for (const View& view : pose.seen->views) {
         jobs_.push_back({&pose, &view, pose.name + "_" + view.camera.id, {}});
       }
     }
@@ -142,7 +142,7 @@ class Writer {
     }
     std::vector<SheetRow> rows;
     for (const PoseResult& pose : result_.poses) {
-      rows.push_back({pose.name, &pose.views});
+      rows.push_back({pose.name, &pose.seen->views});
     }
     const cv::Mat3b sheet = DrawSilhouetteSheet(rows);
     if (sheet.empty()) return;
@@ -169,10 +169,10 @@ class Writer {
 
   void WriteVolumes() const {
     for (const PoseResult& pose : result_.poses) {
-      if (!pose.volume) continue;
+      if (!pose.seen->volume) continue;
       const fs::path base = folder_ / ("volume_" + pose.name);
-      pose.volume->SaveVdb(base.string() + ".vdb");
-      SavePly(pose.volume->ExtractMesh(), base.string() + ".ply");
+      pose.seen->volume->SaveVdb(base.string() + ".vdb");
+      SavePly(pose.seen->volume->ExtractMesh(), base.string() + ".ply");
     }
   }
 
@@ -318,9 +318,9 @@ class Writer {
     for (const PoseResult& pose : result_.poses) {
       Json& figures = poses[pose.name] = Json::object();
       if (RunsStage(options_, "landmarks")) {
-        figures["unsafe_limbs"] = pose.landmarks.unsafe_limbs;
-        figures["facing_confidence"] = pose.landmarks.facing_confidence;
-        figures["upright_height"] = pose.landmarks.stature;
+        figures["unsafe_limbs"] = pose.seen->landmarks.unsafe_limbs;
+        figures["facing_confidence"] = pose.seen->landmarks.facing_confidence;
+        figures["upright_height"] = pose.seen->landmarks.stature;
       }
       if (has_mesh_) figures["silhouette"] = SilhouetteFigures(pose);
     }
@@ -427,7 +427,7 @@ Json JointsToJson(const std::vector<PoseResult>& poses) {
 Json LandmarksToJson(const std::vector<PoseResult>& poses) {
   Json all = Json::object();
   for (const PoseResult& pose : poses) {
-    const LandmarkResult& found = pose.landmarks;
+    const LandmarkResult& found = pose.seen->landmarks;
     Json in_world = Json::array();
     for (const Landmark3& landmark : found.landmarks) {
       in_world.push_back(

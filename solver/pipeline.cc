@@ -21,7 +21,7 @@ void RunStage(const std::string& stage,
               const std::string& pose,
               const std::function<void(StageSummary*)>& run,
               Progress* progress,
-              FitResult* result) {
+              std::vector<StageSummary>* stages) {
   StageSummary summary;
   summary.stage = pose.empty() ? stage : stage + " " + pose;
   if (progress != nullptr) progress->Stage(stage, pose);
@@ -30,7 +30,7 @@ void RunStage(const std::string& stage,
   summary.seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start)
           .count();
-  result->stages.push_back(std::move(summary));
+  stages->push_back(std::move(summary));
 }
 
 // The images' stature, from the pose that knows it best.
@@ -83,59 +83,66 @@ std::optional<std::string> FitOptions::Check() const {
   return std::nullopt;
 }
 
-FitResult Fit(const Capture& capture,
-              const std::vector<std::string>& pose_names,
-              const std::vector<std::string>& camera_ids,
-              const FitOptions& options,
-              Progress* progress) {
-  if (const auto error = options.Check()) throw InputError(*error);
-  if (pose_names.empty()) throw InputError("no pose to fit");
-  if (camera_ids.size() < 2) {
-    throw InputError("a fit needs at least two cameras");
-  }
+Observation Observe(const Capture& capture,
+                    const std::string& pose_name,
+                    const std::vector<std::string>& camera_ids,
+                    const FitOptions& options,
+                    Progress* progress) {
+  const int until = FindFitStage(options.until);
+  Observation seen;
+  seen.pose = pose_name;
+  RunStage(
+      "segment",
+      pose_name,
+      [&](StageSummary* summary) {
+        seen.views = Segment(capture,
+                             capture.FindPose(pose_name),
+                             camera_ids,
+                             options.segment,
+                             progress,
+                             summary);
+      },
+      progress,
+      &seen.stages);
+  if (until < FindFitStage("volume")) return seen;
+  RunStage(
+      "volume",
+      pose_name,
+      [&](StageSummary* summary) {
+        seen.volume =
+            BuildVisualHull(seen.views, options.volume, progress, summary);
+      },
+      progress,
+      &seen.stages);
+  if (until < FindFitStage("landmarks")) return seen;
+  RunStage(
+      "landmarks",
+      pose_name,
+      [&](StageSummary* summary) {
+        seen.landmarks = FindLandmarks(
+            seen.views, *seen.volume, options.landmarks, progress, summary);
+      },
+      progress,
+      &seen.stages);
+  return seen;
+}
+
+FitResult FitObserved(
+    const std::vector<std::shared_ptr<const Observation>>& observations,
+    const std::vector<std::string>& camera_ids,
+    const FitOptions& options,
+    Progress* progress) {
   const int until = FindFitStage(options.until);
   FitResult result;
   result.camera_ids = camera_ids;
-
-  // What the cameras saw, pose by pose.
   std::vector<LandmarkResult> landmarks;
-  for (const std::string& name : pose_names) {
+  for (const auto& seen : observations) {
     PoseResult& pose = result.poses.emplace_back();
-    pose.name = name;
-    RunStage(
-        "segment",
-        name,
-        [&](StageSummary* summary) {
-          pose.views = Segment(capture,
-                               capture.FindPose(name),
-                               camera_ids,
-                               options.segment,
-                               progress,
-                               summary);
-        },
-        progress,
-        &result);
-    if (until < FindFitStage("volume")) continue;
-    RunStage(
-        "volume",
-        name,
-        [&](StageSummary* summary) {
-          pose.volume =
-              BuildVisualHull(pose.views, options.volume, progress, summary);
-        },
-        progress,
-        &result);
-    if (until < FindFitStage("landmarks")) continue;
-    RunStage(
-        "landmarks",
-        name,
-        [&](StageSummary* summary) {
-          pose.landmarks = FindLandmarks(
-              pose.views, *pose.volume, options.landmarks, progress, summary);
-        },
-        progress,
-        &result);
-    landmarks.push_back(pose.landmarks);
+    pose.name = seen->pose;
+    pose.seen = seen;
+    landmarks.push_back(seen->landmarks);
+    result.stages.insert(
+        result.stages.end(), seen->stages.begin(), seen->stages.end());
   }
   if (until < FindFitStage("joints")) return result;
 
@@ -155,7 +162,7 @@ FitResult Fit(const Capture& capture,
                                 summary);
       },
       progress,
-      &result);
+      &result.stages);
   SetBoneLengths(joints.skeleton.length, &result.body);
   StorePoses(joints, &result);
   if (until < FindFitStage("global")) return result;
@@ -163,7 +170,7 @@ FitResult Fit(const Capture& capture,
   std::vector<std::vector<ObservedContour>> contours;
   for (const PoseResult& pose : result.poses) {
     auto& of_pose = contours.emplace_back();
-    for (const View& view : pose.views) {
+    for (const View& view : pose.seen->views) {
       constexpr double kSpacing = 6;  // pixels
       of_pose.push_back(ObserveContour(view, kSpacing));
     }
@@ -171,8 +178,10 @@ FitResult Fit(const Capture& capture,
   std::vector<PoseEvidence> evidence;
   for (size_t p = 0; p < result.poses.size(); ++p) {
     const PoseResult& pose = result.poses[p];
-    evidence.push_back(
-        {&pose.views, &contours[p], &*pose.volume, &pose.landmarks});
+    evidence.push_back({&pose.seen->views,
+                        &contours[p],
+                        &*pose.seen->volume,
+                        &pose.seen->landmarks});
   }
   RunStage(
       "global",
@@ -186,7 +195,7 @@ FitResult Fit(const Capture& capture,
                   summary);
       },
       progress,
-      &result);
+      &result.stages);
   if (until >= FindFitStage("local")) {
     RunStage(
         "local",
@@ -203,7 +212,7 @@ FitResult Fit(const Capture& capture,
           }
         },
         progress,
-        &result);
+        &result.stages);
   }
   if (until >= FindFitStage("refine")) {
     RunStage(
@@ -214,7 +223,7 @@ FitResult Fit(const Capture& capture,
               evidence, options.refine, joints, &result.body, summary);
         },
         progress,
-        &result);
+        &result.stages);
   }
   result.body.stature = joints.stature;
   result.body.sex = joints.sex;
@@ -229,13 +238,13 @@ FitResult Fit(const Capture& capture,
         std::vector<std::vector<View>> views;
         for (const PoseResult& pose : result.poses) {
           vertices.push_back(pose.vertices_in_world);
-          views.push_back(pose.views);
+          views.push_back(pose.seen->views);
         }
         result.texture = SolveTexture(
             result.body, vertices, views, options.texture, progress, summary);
       },
       progress,
-      &result);
+      &result.stages);
   if (until < FindFitStage("export")) return result;
   RunStage(
       "skin",
@@ -247,8 +256,26 @@ FitResult Fit(const Capture& capture,
         summary->status = "ok";
       },
       progress,
-      &result);
+      &result.stages);
   return result;
+}
+
+FitResult Fit(const Capture& capture,
+              const std::vector<std::string>& pose_names,
+              const std::vector<std::string>& camera_ids,
+              const FitOptions& options,
+              Progress* progress) {
+  if (const auto error = options.Check()) throw InputError(*error);
+  if (pose_names.empty()) throw InputError("no pose to fit");
+  if (camera_ids.size() < 2) {
+    throw InputError("a fit needs at least two cameras");
+  }
+  std::vector<std::shared_ptr<const Observation>> observations;
+  for (const std::string& name : pose_names) {
+    observations.push_back(std::make_shared<Observation>(
+        Observe(capture, name, camera_ids, options, progress)));
+  }
+  return FitObserved(observations, camera_ids, options, progress);
 }
 
 }  // namespace sweepfit

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -51,12 +52,19 @@ struct FitOptions {
   std::optional<std::string> Check() const;
 };
 
+// What the cameras saw of one pose.
+struct Observation {
+  std::string pose;
+  std::vector<View> views;
+  std::optional<Volume> volume;      // from the stage "volume" on
+  LandmarkResult landmarks;          // from the stage "landmarks" on
+  std::vector<StageSummary> stages;  // in the order they ran
+};
+
 // What is known of one pose after a fit.
 struct PoseResult {
   std::string name;
-  std::vector<View> views;
-  std::optional<Volume> volume;
-  LandmarkResult landmarks;
+  std::shared_ptr<const Observation> seen;
   JointEstimate joints;  // reliability, covariance
   Pose pose;
   JointFrames frames;
@@ -72,8 +80,24 @@ struct FitResult {
   std::vector<StageSummary> stages;  // in the order they ran
 };
 
-// Runs the stages in order: capture -> silhouettes -> volume -> landmarks ->
-// joints -> body (global, local, refined) -> texture. All poses share one body.
+// The stages that look at pictures, for one pose: silhouettes -> volume ->
+// landmarks, as far as options.until says.
+Observation Observe(const Capture& capture,
+                    const std::string& pose_name,
+                    const std::vector<std::string>& camera_ids,
+                    const FitOptions& options,
+                    Progress* progress);
+
+// The stages that fit one body to all observed poses: joints -> body (global,
+// local, refined) -> texture -> skin. Observations may be shared by fits that
+// differ in these stages only.
+FitResult FitObserved(
+    const std::vector<std::shared_ptr<const Observation>>& observations,
+    const std::vector<std::string>& camera_ids,
+    const FitOptions& options,
+    Progress* progress);
+
+// Both, in order.
 FitResult Fit(const Capture& capture,
               const std::vector<std::string>& pose_names,
               const std::vector<std::string>& camera_ids,

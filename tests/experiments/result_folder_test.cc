@@ -42,9 +42,12 @@ FitResult MakeResult() {
   crown.covariance = Eigen::Matrix3d::Identity();
   crown.num_views = 2;
   crown.source = "volume";
-  pose.landmarks.landmarks = {crown};
-  pose.landmarks.facing_in_world = {0, 0, 1};
-  pose.landmarks.unsafe_limbs = {"l_arm"};
+  const auto seen = std::make_shared<Observation>();
+  pose.seen = seen;
+  seen->pose = pose.name;
+  seen->landmarks.landmarks = {crown};
+  seen->landmarks.facing_in_world = {0, 0, 1};
+  seen->landmarks.unsafe_limbs = {"l_arm"};
   const TriangleMesh mesh = PosedMesh(result.body, pose.vertices_in_world);
   for (const double azimuth : {0.0, 90.0}) {
     View view;
@@ -54,10 +57,10 @@ FitResult MakeResult() {
     view.coverage = RenderCoverage(view.camera, mesh);
     view.signed_distance = SignedDistance(view.camera, view.coverage);
     view.mode = "masks";
-    pose.views.push_back(view);
+    seen->views.push_back(view);
     result.camera_ids.push_back(view.camera.id);
   }
-  pose.volume = VolumeFromMesh(mesh, 0.02);
+  seen->volume = VolumeFromMesh(mesh, 0.02);
   StageSummary stage;
   stage.stage = "local";
   stage.status = "weak";
@@ -162,11 +165,11 @@ TEST(ResultFolder, MasksAndJointsAreWhatWasFound) {
 
   const cv::Mat1b mask = cv::imread(
       (scratch.path() / "masks/A_front.png").string(), cv::IMREAD_UNCHANGED);
-  ASSERT_EQ(mask.size(), result.poses[0].views[0].coverage.size());
+  ASSERT_EQ(mask.size(), result.poses[0].seen->views[0].coverage.size());
   for (int y = 0; y < mask.rows; ++y) {
     for (int x = 0; x < mask.cols; ++x) {
       ASSERT_NEAR(mask(y, x) / 255.0,
-                  result.poses[0].views[0].coverage(y, x),
+                  result.poses[0].seen->views[0].coverage(y, x),
                   0.5 / 255 + 1e-6);
     }
   }
