@@ -78,6 +78,7 @@ int Run(int argc, char** argv) {
   AddImportVerb(&command, &run);
   AddAnimateVerb(&command, &run);
   AddExperimentVerb(&command, &run);
+  AddTemplateVerb(&command, &run);
   try {
     command.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -23,5 +23,6 @@ void AddEvaluateVerb(CLI::App* command, std::function<void()>* run);
 void AddImportVerb(CLI::App* command, std::function<void()>* run);
 void AddAnimateVerb(CLI::App* command, std::function<void()>* run);
 void AddExperimentVerb(CLI::App* command, std::function<void()>* run);
+void AddTemplateVerb(CLI::App* command, std::function<void()>* run);
 
 }  // namespace sweepfit

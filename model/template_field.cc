@@ -95,7 +95,8 @@ SectionStack::SectionStack(const Eigen::Vector3d& origin,
                            const Eigen::Vector3d& direction,
                            const std::vector<StackSection>& sections,
                            double round_start,
-                           double round_end)
+                           double round_end,
+                           double smooth)
     : origin_(origin),
       x_axis_(x_axis),
       y_axis_(y_axis),
@@ -129,6 +130,41 @@ SectionStack::SectionStack(const Eigen::Vector3d& origin,
           std::pow(std::pow(std::abs(std::cos(theta)) / a, n) +
                        std::pow(std::abs(std::sin(theta)) / b, n),
                    -1 / n);
+    }
+  }
+  Smooth(smooth);
+}
+
+void SectionStack::Smooth(double sigma) {
+  if (sigma <= 0) return;
+  const int reach = static_cast<int>(std::ceil(3 * sigma / step_));
+  std::vector<double> weight;
+  double sum = 0;
+  for (int i = -reach; i <= reach; ++i) {
+    const double t = i * step_ / sigma;
+    weight.push_back(std::exp(-0.5 * t * t));
+    sum += weight.back();
+  }
+  const std::vector<double> radius = radius_;
+  const std::vector<Eigen::Vector2d> center = center_;
+  // At the ends the values go on in a straight line (a point reflection), so
+  // that they keep their place there.
+  auto blurred = [&](int row, auto&& value) {
+    auto total = value(row);
+    total *= weight[reach] / sum;
+    for (int i = 1; i <= reach; ++i) {
+      const int room = std::min({i, row, num_rows_ - 1 - row});
+      total +=
+          (weight[reach + i] / sum) * (value(row - room) + value(row + room));
+    }
+    return total;
+  };
+  for (int row = 0; row < num_rows_; ++row) {
+    center_[row] =
+        blurred(row, [&](int i) -> Eigen::Vector2d { return center[i]; });
+    for (int k = 0; k < kColumns; ++k) {
+      radius_[row * kColumns + k] =
+          blurred(row, [&](int i) { return radius[i * kColumns + k]; });
     }
   }
 }
@@ -206,18 +242,6 @@ double Blob::Distance(const Eigen::Vector3d& point) const {
   return k0 * (k0 - 1) / k1;
 }
 
-double Blob::Apply(double solid, const Eigen::Vector3d& point) const {
-  // Far from the blob nothing changes.
-  const double reach = radii.maxCoeff() + blend_width;
-  if (!carve && (point - center).squaredNorm() > 4 * reach * reach) {
-    const double bound = (point - center).norm() - radii.maxCoeff();
-    if (bound > solid + blend_width) return solid;
-  }
-  const double blob = Distance(point);
-  return carve ? -SmoothMin(-solid, blob, blend_width)
-               : SmoothMin(solid, blob, blend_width);
-}
-
 double Tube::Distance(const Eigen::Vector3d& query) const {
   double best = std::numeric_limits<double>::infinity();
   for (size_t i = 0; i + 1 < point.size(); ++i) {
@@ -227,6 +251,58 @@ double Tube::Distance(const Eigen::Vector3d& query) const {
                      query, point[i], point[i + 1], radius[i], radius[i + 1]));
   }
   return best;
+}
+
+double Tube::Length() const {
+  double length = 0;
+  for (size_t i = 0; i + 1 < point.size(); ++i)
+    length += (point[i + 1] - point[i]).norm();
+  return length;
+}
+
+Eigen::Vector3d Tube::At(double s) const {
+  size_t i = 0;
+  double length = (point[1] - point[0]).norm();
+  while (i + 2 < point.size() && s > length) {
+    s -= length;
+    ++i;
+    length = (point[i + 1] - point[i]).norm();
+  }
+  return point[i] + (s / length) * (point[i + 1] - point[i]);
+}
+
+Eigen::Vector3d Tube::Direction(double s, double reach) const {
+  return (At(s + reach) - At(s - reach)).normalized();
+}
+
+Feature::Feature(const Blob& blob)
+    : blob_(blob),
+      blend_width_(blob.blend_width),
+      carve_(blob.carve),
+      center_(blob.center),
+      reach_(blob.radii.maxCoeff()) {}
+
+Feature::Feature(const Tube& tube, double blend_width, bool carve)
+    : tube_(tube), blend_width_(blend_width), carve_(carve), reach_(0) {
+  center_.setZero();
+  for (const Eigen::Vector3d& p : tube.point)
+    center_ += p / static_cast<double>(tube.point.size());
+  for (size_t i = 0; i < tube.point.size(); ++i) {
+    reach_ =
+        std::max(reach_, (tube.point[i] - center_).norm() + tube.radius[i]);
+  }
+}
+
+double Feature::Apply(double solid, const Eigen::Vector3d& point) const {
+  // Far away nothing changes. The margin is for distances of ellipsoids,
+  // which are too short off their axes.
+  const double gap = (point - center_).norm() - reach_;
+  const double reference = carve_ ? -solid : solid;
+  if (gap > 0 && 0.5 * gap > reference + blend_width_) return solid;
+  const double feature =
+      tube_.point.empty() ? blob_.Distance(point) : tube_.Distance(point);
+  return carve_ ? -SmoothMin(-solid, feature, blend_width_)
+                : SmoothMin(solid, feature, blend_width_);
 }
 
 }  // namespace sweepfit

@@ -22,20 +22,23 @@ struct StackSection {
 };
 
 // A solid made of parallel star-shaped sections, interpolated by monotone
-// cubics between the given stations. Signed distances are approximate: exact
-// zero set, gradient of about unit length near the surface, negative inside.
+// cubics between the given stations and smoothed along the stack. Signed
+// distances are approximate: exact zero set, gradient of about unit length near
+// the surface, negative inside.
 class SectionStack {
  public:
   SectionStack() = default;
   // `sections` ascend in s. The ends close as half ellipsoids of the lengths
-  // round_start, round_end > 0 within the first and last section.
+  // round_start, round_end > 0 within the first and last section. `smooth`:
+  // standard deviation of the smoothing, in the unit of s.
   SectionStack(const Eigen::Vector3d& origin,
                const Eigen::Vector3d& x_axis,
                const Eigen::Vector3d& y_axis,
                const Eigen::Vector3d& direction,
                const std::vector<StackSection>& sections,
                double round_start,
-               double round_end);
+               double round_end,
+               double smooth);
 
   double Distance(const Eigen::Vector3d& point) const;
   // Centre of the section at station s (clamped to the ends).
@@ -45,6 +48,7 @@ class SectionStack {
 
  private:
   double RadiusAt(double row, double column) const;
+  void Smooth(double sigma);
 
   Eigen::Vector3d origin_, x_axis_, y_axis_, direction_;
   double start_ = 0, step_ = 1;
@@ -63,8 +67,6 @@ struct Blob {
   bool carve = false;  // subtract instead of add
 
   double Distance(const Eigen::Vector3d& point) const;
-  // The distance of a solid after this blob was added to it or carved from it.
-  double Apply(double solid, const Eigen::Vector3d& point) const;
 };
 
 // A chain of round cones: points with radii.
@@ -73,6 +75,31 @@ struct Tube {
   std::vector<double> radius;
 
   double Distance(const Eigen::Vector3d& query) const;
+  double Length() const;
+  // Point of the axis at arc length s (beyond the ends: in a straight line).
+  Eigen::Vector3d At(double s) const;
+  // Unit direction of the axis at s, turning smoothly at the points of the
+  // chain over `reach` before and after.
+  Eigen::Vector3d Direction(double s, double reach) const;
+};
+
+// A blob or a tube as an addition to a solid, or carved from it.
+class Feature {
+ public:
+  explicit Feature(const Blob& blob);
+  Feature(const Tube& tube, double blend_width, bool carve);
+
+  // The distance of a solid after this was added to it or carved from it.
+  double Apply(double solid, const Eigen::Vector3d& point) const;
+
+ private:
+  Blob blob_;
+  Tube tube_;  // without points: the blob counts
+  double blend_width_;
+  bool carve_;
+  // A sphere around all of it.
+  Eigen::Vector3d center_;
+  double reach_;
 };
 
 }  // namespace sweepfit

@@ -2,6 +2,7 @@
 #include "model/template_geometry.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <numbers>
@@ -15,6 +16,7 @@ using R = TemplateRings;
 using DistanceFunction = std::function<double(const Vector3d&)>;
 
 constexpr double kPi = std::numbers::pi;
+constexpr double kLeanBehind = 0.4;
 
 double SmoothStep(double x) {
   const double t = std::clamp(x, 0.0, 1.0);
@@ -61,6 +63,8 @@ class HalfPlacer {
         solid_(solid),
         stature_(solid.stature()),
         position_(half.num_vertices, Vector3d::Zero()),
+        foot_origin_(
+            solid.joints()[kLAnkle].x(), 0, solid.joints()[kLAnkle].z()),
         passes_(half.num_vertices, 0) {
     FindNeighbors();
   }
@@ -68,6 +72,7 @@ class HalfPlacer {
   std::vector<Vector3d> Run() {
     PlaceTrunk();
     PlaceCrown();
+    PlaceEar();
     PlaceArm();
     PlaceFingers();
     PlaceLeg();
@@ -118,7 +123,7 @@ class HalfPlacer {
       const double dip =
           tables.groin_drop * (1 - SmoothStep(row / tables.groin_rows));
       // Columns crowd towards the face.
-      const double crowd = 0.35 * SmoothStep((row - R::kNeckRow) / 12.0);
+      const double crowd = 0.6 * SmoothStep((row - R::kNeckRow) / 14.0);
       for (int k = 0; k <= R::kHalfTrunk; ++k) {
         const int id = half_.trunk[row][k];
         if (id < 0) continue;
@@ -127,7 +132,9 @@ class HalfPlacer {
         const double c = std::cos(theta);
         const double s = k == R::kHalfTrunk ? 0 : std::sin(theta);
         const Vector3d center = stature_ * Vector3d(0, y - dip * c * c, z);
-        position_[id] = Exit(distance, center, {s, -tilt * c, c});
+        // Rings lean in front, under the chin, more than behind.
+        const double lean_here = c > 0 ? tilt : kLeanBehind * tilt;
+        position_[id] = Exit(distance, center, {s, -lean_here * c, c});
       }
     }
   }
@@ -180,6 +187,82 @@ class HalfPlacer {
     Vector3d hole = stature_ * tables.arm_hole;
     hole.x() = std::min(flank - hole.x(), solid_.joints()[kLShoulder].x());
     return hole;
+  }
+
+  // Angle around the ear, front (pi), lobe, back, top. The few columns of the
+  // opening's lower and upper edge take a good part of the turn, as they do of
+  // the opening.
+  static double EarAngle(int j) {
+    constexpr double kHalfEdge = 36 * kPi / 180;
+    constexpr double kSide = kPi - 2 * kHalfEdge;
+    const int half = R::kEarLoop / 2;
+    const double turn = kPi * (1 + j / half);
+    const int i = j % half;  // from the middle of a side to that of the other
+    const int to_corner = R::kEarRows / 2;
+    double angle = kSide * i / R::kEarRows;
+    if (i > to_corner) {
+      const int edge = std::min(i - to_corner, R::kEarColumns);
+      angle = kSide / 2 + 2 * kHalfEdge * edge / R::kEarColumns +
+              kSide * (i - to_corner - edge) / R::kEarRows;
+    }
+    return turn + angle;
+  }
+
+  // The auricle is a bowl that stands on the side of the head; it is not part
+  // of the solid. Its plane leans back at the top and stands off at the back.
+  void PlaceEar() {
+    const EarTable& table = solid_.tables().ear;
+    const DistanceFunction distance = [&](const Vector3d& p) {
+      return solid_.Trunk(p);
+    };
+    const Vector3d center = stature_ * table.center;
+    const double length = stature_ * table.half_length;
+    const double breadth = stature_ * table.half_breadth;
+    const double thick = stature_ * table.thick;
+    const double c = std::cos(table.lean);
+    const double s = std::sin(table.lean);
+    const Vector3d up(0, c, -s);
+    const Vector3d back(0, -s, -c);
+    const Vector3d out = Vector3d::UnitX();
+    const Vector3d off =
+        std::cos(table.flare) * back + std::sin(table.flare) * out;
+    const Vector3d outward = off.cross(up).normalized();
+    auto on_head = [&](const Vector3d& p) {
+      return Exit(distance, {0, p.y(), p.z()}, out);
+    };
+    // The front edge is where the plane leaves the head.
+    const Vector3d edge = on_head(center - breadth * back) + 0.3 * thick * out;
+    for (int j = 0; j < R::kEarLoop; ++j) {
+      const double phi = EarAngle(j);
+      const double y = std::sin(phi);
+      // Broader above than at the lobe.
+      const double x = (1 + std::cos(phi)) * (1 + 0.22 * y);
+      auto on_plane = [&](double shrink, double raise) -> Vector3d {
+        const double along = 0.9 + shrink * (x - 0.9);
+        return edge + along * breadth * off + shrink * y * length * up +
+               raise * thick * outward;
+      };
+      const Vector3d base = on_head(center + (0.68 * x - 1.2) * breadth * back +
+                                    (0.74 * y + 0.04) * length * up);
+      const Vector3d rim = on_plane(1, 0);
+      position_[half_.ear[0][j]] = base;
+      position_[half_.ear[1][j]] = 0.45 * base + 0.55 * rim;
+      position_[half_.ear[2][j]] = rim;
+      position_[half_.ear[3][j]] = on_plane(0.93, 1);
+      position_[half_.ear[4][j]] = on_plane(0.74, 0.35);
+    }
+    // The floor sinks towards the ear's canal.
+    const VertexGrid& floor = half_.ear_floor;
+    for (int b = 1; b < R::kEarRows; ++b) {
+      for (int a = 1; a < R::kEarColumns; ++a) {
+        const double t = static_cast<double>(a) / R::kEarColumns;
+        const double v = static_cast<double>(b) / R::kEarRows;
+        const Vector3d across = (1 - t) * position_[floor[b][0]] +
+                                t * position_[floor[b][R::kEarColumns]];
+        const double depth = std::sin(kPi * v) * (a == 1 ? 1.0 : 0.45);
+        position_[floor[b][a]] = across - depth * thick * outward;
+      }
+    }
   }
 
   void PlaceArm() {
@@ -268,49 +351,61 @@ class HalfPlacer {
   }
 
   void PlaceFingers() {
-    for (int f = 0; f < 5; ++f) {
-      const Tube& tube = solid_.finger(f);
-      const Vector3d root = tube.point[0];
-      const Vector3d tip = tube.point[1];
-      const Vector3d along = (tip - root).normalized();
-      const double end = (tip - root).norm() + tube.radius[1];
-      const VertexGrid& grid = half_.finger[f];
-      // The ring's own frame: column 0 keeps the direction it has in the base.
-      const std::vector<int>& base = grid[0];
-      Vector3d middle = Vector3d::Zero();
-      for (int id : base) middle += position_[id] / base.size();
-      const double start = (middle - root).dot(along);
-      Vector3d x = position_[base[0]] + position_[base.back()] - 2 * middle;
-      x = (x - x.dot(along) * along).normalized();
-      const Vector3d y = along.cross(x);
-      const DistanceFunction distance = [&](const Vector3d& p) {
-        return tube.Distance(p);
-      };
-      const int count = static_cast<int>(base.size());
-      // The first rings turn from the base's own shape into sections.
-      constexpr int kFreeRow = 4;
-      double first = start;
-      for (int id : base)
-        first = std::max(first, (position_[id] - root).dot(along));
-      const double last_ring = end - 0.35 * tube.radius[1];
-      for (int row = 1; row <= R::kFingerRows; ++row) {
-        const double t = static_cast<double>(row) / R::kFingerRows;
-        // Closer towards the tip.
-        const double s = first + (last_ring - first) * (t + 0.25 * t * (1 - t));
-        const double free = SmoothStep(static_cast<double>(row) / kFreeRow);
-        for (int j = 0; j < count; ++j) {
-          const double theta = 2 * kPi * (j + 0.5) / count;
-          const Vector3d on_tube =
-              Exit(distance,
-                   root + s * along,
-                   std::cos(theta) * x + std::sin(theta) * y);
-          const double advance = (first - start) * t + (s - first);
-          const Vector3d from_base = position_[base[j]] + advance * along;
-          position_[grid[row][j]] = (1 - free) * from_base + free * on_tube;
-        }
+    constexpr int kFreeRow = 4;
+    for (int f = 0; f < 5; ++f)
+      PlaceDigit(solid_.finger(f), half_.finger[f], kFreeRow);
+  }
+
+  // Rings along the axis of the tube; up to free_row they turn from the base's
+  // own shape into sections.
+  void PlaceDigit(const Tube& tube,
+                  const HalfComplex::Digit& digit,
+                  int free_row) {
+    const Vector3d root = tube.point[0];
+    const Vector3d along = (tube.point[1] - root).normalized();
+    const double tip_radius = tube.radius.back();
+    const double end = tube.Length() + tip_radius;
+    const std::vector<int>& base = digit.ring[0];
+    Vector3d middle = Vector3d::Zero();
+    for (int id : base) middle += position_[id] / base.size();
+    const double start = (middle - root).dot(along);
+    // Column 0 keeps the direction that it has in the base.
+    const Vector3d reference =
+        position_[base[0]] + position_[base.back()] - 2 * middle;
+    const DistanceFunction distance = [&](const Vector3d& p) {
+      return tube.Distance(p);
+    };
+    const int count = static_cast<int>(base.size());
+    const int rows = static_cast<int>(digit.ring.size()) - 1;
+    double first = start;
+    for (int id : base)
+      first = std::max(first, (position_[id] - root).dot(along));
+    // The last two rings round the tip.
+    const double last_free = end - 0.62 * tip_radius;
+    const double last_ring = end - 0.16 * tip_radius;
+    for (int row = 1; row <= rows; ++row) {
+      const double t = std::min(1.0, static_cast<double>(row) / (rows - 1));
+      // Closer towards the tip.
+      const double s =
+          row == rows ? last_ring
+                      : first + (last_free - first) * (t + 0.25 * t * (1 - t));
+      const double free = SmoothStep(static_cast<double>(row) / free_row);
+      const Vector3d direction = tube.Direction(s, tip_radius);
+      const Vector3d x =
+          (reference - reference.dot(direction) * direction).normalized();
+      const Vector3d y = direction.cross(x);
+      for (int j = 0; j < count; ++j) {
+        const double theta = 2 * kPi * (j + 0.5) / count;
+        const Vector3d on_tube = Exit(
+            distance, tube.At(s), std::cos(theta) * x + std::sin(theta) * y);
+        const double advance = (first - start) * t + (s - first);
+        const Vector3d from_base = position_[base[j]] + advance * along;
+        position_[digit.ring[row][j]] = (1 - free) * from_base + free * on_tube;
       }
-      position_[half_.finger_tip[f]] = root + end * along;
     }
+    position_[digit.tip] =
+        tube.At(end - tip_radius) +
+        tip_radius * tube.Direction(end - tip_radius, 0.1 * tip_radius);
   }
 
   // Angle of a leg column in the ring's plane, from the front over the inside.
@@ -330,24 +425,22 @@ class HalfPlacer {
     };
     PlaceStrip();
     constexpr int kLevelRow = 14;  // the first ring in a horizontal plane
-    const double side_height = position_[half_.trunk[0][R::kHalfTrunk / 2]].y();
-    const double crotch = position_[half_.strip[R::kStripEdges / 2]].y();
+    const double first_height =
+        solid_.LegCenter(Bones(tables.leg_rings, 0)).y();
     for (int row = 1; row <= R::kAnkleRow; ++row) {
       const Vector3d center = solid_.LegCenter(Bones(tables.leg_rings, row));
-      // Outside the ring hangs from the side of the hip, inside from the strip.
+      // The ring hangs from the first one, along groin and crotch.
       const double level = SmoothStep(static_cast<double>(row) / kLevelRow);
-      const double below_strip = crotch - 0.003 * stature_ * row;
-      const double inner = center.x() - mid_plane;
-      const double outer_slope =
-          (1 - level) * (side_height - center.y()) / (2 * inner);
-      const double inner_slope =
-          (1 - level) * std::max(0.0, center.y() - below_strip) / inner;
       for (int j = 0; j < R::kLegColumns; ++j) {
         const double theta = LegAngle(j);
-        const double lateral = -std::sin(theta);
-        const double slope = lateral > 0 ? outer_slope : inner_slope;
-        position_[half_.leg[row][j]] =
-            Exit(distance, center, {lateral, slope * lateral, std::cos(theta)});
+        const Vector3d outward(-std::sin(theta), 0, std::cos(theta));
+        Vector3d ray = outward;
+        if (level < 1) {
+          const double hanging = position_[half_.leg[0][j]].y() - first_height;
+          const Vector3d flat = Exit(distance, center, outward) - center;
+          ray = flat + (1 - level) * hanging * Vector3d::UnitY();
+        }
+        position_[half_.leg[row][j]] = Exit(distance, center, ray);
       }
     }
   }
@@ -384,18 +477,10 @@ class HalfPlacer {
         solid_.LegCenter(Bones(tables.leg_rings, first));
     const double upright_at = 0.040 * stature_;  // in front of the ankle
     const Vector3d foot_center = solid_.FootCenter(upright_at);
-    const double toe =
-        (solid_.tables().foot.sections.back().s - 0.006) * stature_;
-    for (int row = first + 1; row <= R::kToeRow; ++row) {
-      const double t =
-          std::min(1.0, static_cast<double>(row - first) / kTurnRows);
+    for (int row = first + 1; row <= first + kTurnRows; ++row) {
+      const double t = static_cast<double>(row - first) / kTurnRows;
       const double turn = t * kPi / 2;
-      Vector3d center = HeelPath(leg_center, foot_center, t);
-      if (row > first + kTurnRows) {
-        const double f = static_cast<double>(row - first - kTurnRows) /
-                         (R::kToeRow - first - kTurnRows);
-        center = solid_.FootCenter(upright_at + f * (toe - upright_at));
-      }
+      const Vector3d center = HeelPath(leg_center, foot_center, t);
       // Columns: 0 deg in front of the leg, which becomes the top of the foot.
       const Vector3d front = std::cos(turn) * forward + std::sin(turn) * up;
       for (int j = 0; j < R::kLegColumns; ++j) {
@@ -406,34 +491,80 @@ class HalfPlacer {
                  std::cos(theta) * front - std::sin(theta) * lateral);
       }
     }
-    PlaceToeCap(distance);
+    // On to the webs between the toes, which lie farther back outside.
+    const ToeWebs webs = FindToeWebs();
+    for (int row = first + kTurnRows + 1; row <= R::kToeRow; ++row) {
+      const double f = static_cast<double>(row - first - kTurnRows) /
+                       (R::kToeRow - first - kTurnRows);
+      for (int i = 0; i < R::kLegColumns; ++i) {
+        const int j =
+            (R::kFirstToeColumn + i + R::kLegColumns) % R::kLegColumns;
+        const bool on_top = i <= R::kToeColumns;
+        const double boundary = (on_top ? i : 2 * R::kToeColumns + 1 - i) / 3.0;
+        const double at_web = AtBoundary(webs.forward, boundary);
+        const Vector3d center =
+            solid_.FootCenter(upright_at + f * (at_web - upright_at));
+        const double even = LegAngle(R::kFirstToeColumn + i);
+        const double across = AtBoundary(webs.lateral, boundary) -
+                              (center - foot_origin_).dot(lateral);
+        // Rays come to start most of the way to the column's place and to
+        // run upwards or downwards.
+        constexpr double kShift = 0.75;
+        const double blend = SmoothStep(f);
+        const double rise = 0.010 * stature_;
+        double target =
+            std::atan2(-(1 - kShift) * across, on_top ? rise : -rise);
+        target += 2 * kPi * std::round((even - target) / (2 * kPi));
+        const double theta = even + blend * (target - even);
+        position_[half_.leg[row][j]] =
+            Exit(distance,
+                 center + blend * kShift * across * lateral,
+                 std::cos(theta) * up - std::sin(theta) * lateral);
+      }
+    }
+    constexpr int kFreeRow = 3;
+    for (int i = 0; i < 5; ++i)
+      PlaceDigit(solid_.toe(i), half_.toe[i], kFreeRow);
+  }
+
+  // Boundaries between toes, from the inside of the great toe to the outside
+  // of the little one, in the foot's coordinates (metres).
+  struct ToeWebs {
+    std::array<double, 6> lateral, forward;
+  };
+
+  ToeWebs FindToeWebs() const {
+    ToeWebs webs;
+    std::array<double, 5> inner, outer, front;
+    for (int i = 0; i < 5; ++i) {
+      const Tube& toe = solid_.toe(i);
+      const Vector3d knuckle = toe.point[1] - foot_origin_;
+      const double across = knuckle.dot(solid_.foot_lateral());
+      inner[i] = across - toe.radius[1];
+      outer[i] = across + toe.radius[1];
+      front[i] = (0.05 * (toe.point[0] - foot_origin_) + 0.95 * knuckle)
+                     .dot(solid_.foot_forward());
+    }
+    webs.lateral[0] = inner[0];
+    webs.forward[0] = front[0];
+    for (int i = 1; i < 5; ++i) {
+      webs.lateral[i] = (outer[i - 1] + inner[i]) / 2;
+      webs.forward[i] = (front[i - 1] + front[i]) / 2;
+    }
+    webs.lateral[5] = outer[4];
+    webs.forward[5] = front[4];
+    return webs;
+  }
+
+  static double AtBoundary(const std::array<double, 6>& values, double at) {
+    const int i = std::clamp(static_cast<int>(at), 0, 4);
+    return values[i] + (at - i) * (values[i + 1] - values[i]);
   }
 
   static Vector3d HeelPath(const Vector3d& from, const Vector3d& to, double t) {
     // A quadratic curve whose corner lies under the leg and behind the foot.
     const Vector3d corner(from.x(), 0.6 * to.y() + 0.4 * from.y(), from.z());
     return (1 - t) * (1 - t) * from + 2 * t * (1 - t) * corner + t * t * to;
-  }
-
-  void PlaceToeCap(const DistanceFunction& distance) {
-    const int side = R::kToeCapSide;
-    const VertexGrid& cap = half_.toe_cap;
-    auto at = [&](int a, int b) -> Vector3d { return position_[cap[b][a]]; };
-    const double toe = solid_.tables().foot.sections.back().s * stature_;
-    const Vector3d center = solid_.FootCenter(toe - 0.03 * stature_);
-    for (int b = 1; b < side; ++b) {
-      for (int a = 1; a < side; ++a) {
-        const double s = static_cast<double>(a) / side;
-        const double t = static_cast<double>(b) / side;
-        // Coons patch over the last ring, pushed out to the surface.
-        const Vector3d coons =
-            (1 - s) * at(0, b) + s * at(side, b) + (1 - t) * at(a, 0) +
-            t * at(a, side) - (1 - s) * (1 - t) * at(0, 0) -
-            s * (1 - t) * at(side, 0) - (1 - s) * t * at(0, side) -
-            s * t * at(side, side);
-        position_[cap[b][a]] = Exit(distance, center, coons - center);
-      }
-    }
   }
 
   // How many relaxation passes a vertex takes part in.
@@ -446,8 +577,8 @@ class HalfPlacer {
       for (int id : half_.trunk[row]) Mark(id, kPasses * (6 - row) / 6);
     }
     for (int id : half_.strip) Mark(id, kPasses);
-    for (int row = 0; row < 8; ++row) {
-      for (int id : half_.leg[row]) Mark(id, kPasses * (8 - row) / 8);
+    for (int row = 0; row < 14; ++row) {
+      for (int id : half_.leg[row]) Mark(id, kPasses * (14 - row) / 14);
     }
     const int bottom = R::kArmPatchRow;
     const int top = bottom + R::kArmPatchRows;
@@ -469,17 +600,30 @@ class HalfPlacer {
     for (int row = R::kWristRow; row <= R::kPalmRow; ++row) {
       for (int id : half_.arm[row]) Mark(id, row < R::kPalmRow - 2 ? 6 : 16);
     }
-    for (const VertexGrid& finger : half_.finger) {
-      for (int row = 0; row < 4; ++row) {
-        for (int id : finger[row]) Mark(id, 16 - 4 * row);
+    for (const HalfComplex::Digit& finger : half_.finger) {
+      for (int row = 0; row < 5; ++row) {
+        for (int id : finger.ring[row]) Mark(id, 20 - 4 * row);
       }
     }
-    for (int row = R::kAnkleRow - 3; row <= R::kToeRow; ++row) {
-      for (int id : half_.leg[row]) Mark(id, 15);
+    // The webs between the toes stay in their places.
+    for (int row = R::kAnkleRow - 3; row < R::kToeRow; ++row) {
+      for (int id : half_.leg[row])
+        Mark(id, std::min(15, R::kToeRow - row - 1));
     }
-    for (const auto& line : half_.toe_cap) {
-      for (int id : line) Mark(id, 15);
+    // Around the ear, whose base stays.
+    constexpr int kAround = 12;
+    for (int row = R::kEarRow - kAround;
+         row <= R::kEarRow + R::kEarRows + kAround;
+         ++row) {
+      for (int k = R::kEarColumn - 5; k <= R::kHalfTrunk; ++k) {
+        const int away = std::max({R::kEarRow - row,
+                                   row - R::kEarRow - R::kEarRows,
+                                   2 * (R::kEarColumn - k),
+                                   0});
+        Mark(half_.trunk[row][k], kPasses * (kAround - away) / kAround);
+      }
     }
+    for (int id : half_.ear[0]) passes_[id] = 0;
   }
 
   Vector3d Gradient(const Vector3d& point) const {
@@ -524,10 +668,21 @@ class HalfPlacer {
         ++count;
       }
     }
-    const Vector3d normal = Gradient(here).normalized();
+    // One-sided differences will do on the way.
+    const double h = 2e-4 * stature_;
+    const double value = solid_.Body(here);
+    Vector3d gradient;
+    for (int i = 0; i < 3; ++i) {
+      gradient[i] = (solid_.Body(here + h * Vector3d::Unit(i)) - value) / h;
+    }
     Vector3d move = 0.5 * (mean / count - here);
-    move -= move.dot(normal) * normal;
-    return Projected(here + move, v);
+    const double squared = std::max(0.25, gradient.squaredNorm());
+    move -= move.dot(gradient) / squared * gradient;
+    const double limit = 0.01 * stature_;
+    const double off = std::clamp(solid_.Body(here + move), -limit, limit);
+    Vector3d moved = here + move - off / squared * gradient;
+    if (half_.on_mid_plane[v]) moved.x() = 0;
+    return moved;
   }
 
   Vector3d Projected(const Vector3d& point, int v) const {
@@ -546,6 +701,7 @@ class HalfPlacer {
   const TemplateSolid& solid_;
   const double stature_;
   std::vector<Vector3d> position_;
+  const Vector3d foot_origin_;  // on the floor below the ankle
   std::vector<int> passes_;
   std::vector<std::vector<int>> neighbors_;
 };

@@ -3,6 +3,7 @@
 
 #include <glog/logging.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -58,6 +59,8 @@ Sweep MakeSweep(const std::string& name,
 
 // The palm ends here; further on the hand's sections go around the fingers.
 constexpr double kKnuckles = 2.45;
+// From here on the foot's sections go around the toes.
+constexpr double kToes = 0.72;
 
 // The part's section around `center` in a frame of e1, e2, tangent.
 CrossSection CastSection(const SectionSource& source,
@@ -118,45 +121,51 @@ void FillSections(const SectionSource& source,
   }
 }
 
-// Sections of the hand from the knuckles on: the ellipse around the four
-// fingers, which are not one star-shaped solid.
-void FillFingerRows(const TemplateSolid& solid, Sweep* sweep) {
+// Sections from `first_u` on: ellipses around the fingers or toes, which are
+// not one star-shaped solid.
+void FillDigitRows(const std::vector<Tube>& digits,
+                   const Skeleton& skeleton,
+                   const Vector3d& root_in_solid,
+                   double first_u,
+                   Sweep* sweep) {
   constexpr double kExponent = 2.5;
-  const Vector3d& wrist = solid.joints()[kLWrist];
+  Sweep bare = *sweep;
+  bare.center_offset.setZero();
+  const SweepAxis axis(bare, skeleton, RestFrames(skeleton));
   for (int i = 0; i < sweep->num_rows(); ++i) {
     const double u = sweep->key_u[i];
-    if (u < kKnuckles) continue;
-    const double along = (solid.ArmAxis(u) - wrist).dot(solid.arm_along());
-    double low = 1e9, high = -1e9, low_palm = 1e9, high_palm = -1e9;
-    for (int f = 0; f < 4; ++f) {
-      const Tube& tube = solid.finger(f);
-      const Vector3d direction = (tube.point[1] - tube.point[0]).normalized();
-      const double s =
-          (along - (tube.point[0] - wrist).dot(solid.arm_along())) /
-          direction.dot(solid.arm_along());
-      const double length = (tube.point[1] - tube.point[0]).norm();
-      if (s > length + 0.5 * tube.radius[1]) continue;
-      const Vector3d point = tube.point[0] + s * direction - wrist;
-      const double radius =
-          tube.radius[0] +
-          std::clamp(s / length, 0.0, 1.0) * (tube.radius[1] - tube.radius[0]);
-      const double thumb = point.dot(solid.arm_thumb());
-      const double palm = point.dot(solid.arm_palm());
-      low = std::min(low, thumb - radius);
-      high = std::max(high, thumb + radius);
-      low_palm = std::min(low_palm, palm - radius);
-      high_palm = std::max(high_palm, palm + radius);
+    if (u < first_u) continue;
+    const SectionFrame section = axis.At(u);
+    const Vector3d center = section.center_in_world + root_in_solid;
+    Eigen::AlignedBox2d box;
+    for (const Tube& digit : digits) {
+      for (size_t k = 0; k + 1 < digit.point.size(); ++k) {
+        const Eigen::Matrix3d& frame = section.world_from_section;
+        const Vector3d a = frame.transpose() * (digit.point[k] - center);
+        const Vector3d b = frame.transpose() * (digit.point[k + 1] - center);
+        const double t = a.z() / (a.z() - b.z());
+        // The last sphere reaches beyond the last point.
+        const bool is_last = k + 2 == digit.point.size();
+        const double reach =
+            is_last ? 0.7 * digit.radius[k + 1] / (b - a).norm() : 0;
+        if (t < 0 || t > 1 + reach) continue;
+        const double on = std::min(t, 1.0);
+        const double radius =
+            digit.radius[k] + on * (digit.radius[k + 1] - digit.radius[k]);
+        const Vector2d point = (a + on * (b - a)).head<2>();
+        box.extend(point - Vector2d(radius, radius));
+        box.extend(point + Vector2d(radius, radius));
+      }
     }
-    CHECK_LT(low, high) << "no finger at u = " << u;
-    sweep->center_offset.col(i) =
-        Vector2d((low + high) / 2, (low_palm + high_palm) / 2);
-    const CrossSection section =
-        CrossSection::Superellipse((high - low) / 2,
-                                   (high_palm - low_palm) / 2,
+    CHECK(!box.isEmpty()) << sweep->name << ": no digit at u = " << u;
+    sweep->center_offset.col(i) = box.center();
+    const CrossSection ellipse =
+        CrossSection::Superellipse(box.sizes().x() / 2,
+                                   box.sizes().y() / 2,
                                    kExponent,
                                    sweep->num_columns());
     sweep->radius.row(i) = Eigen::Map<const Eigen::RowVectorXd>(
-        section.radii().data(), sweep->num_columns());
+        ellipse.radii().data(), sweep->num_columns());
   }
 }
 
@@ -190,7 +199,7 @@ std::vector<Sweep> TemplateSweeps(const TemplateSolid& solid,
       {kRoot, kSpine, kNeck, kHead, kHeadEnd},
       front,
       24,
-      {{-0.24, 0.5}, {-0.10, 0.5}, {0.05, 0.8},  {0.25, 0.8},  {0.50, 0.8},
+      {{-0.18, 0.5}, {-0.08, 0.5}, {0.05, 0.8},  {0.25, 0.8},  {0.50, 0.8},
        {0.75, 0.8},  {1.00, 0.8},  {1.20, 0.8},  {1.35, 0.8},  {1.50, 0.5},
        {1.64, 0.5},  {1.76, 0.5},  {1.86, 0.3},  {1.94, 0.3},  {2.10, 0.3},
        {2.50, 0.3},  {2.90, 0.15}, {3.15, 0.15}, {3.40, 0.15}, {3.60, 0.15},
@@ -228,7 +237,9 @@ std::vector<Sweep> TemplateSweeps(const TemplateSolid& solid,
                step,
                kKnuckles,
                &arm);
-  FillFingerRows(solid, &arm);
+  std::vector<Tube> fingers;
+  for (int i = 0; i < 4; ++i) fingers.push_back(solid.finger(i));
+  FillDigitRows(fingers, skeleton, root, kKnuckles, &arm);
 
   Sweep leg = MakeSweep("l_leg",
                         {kLHip, kLKnee, kLAnkle},
@@ -285,8 +296,11 @@ std::vector<Sweep> TemplateSweeps(const TemplateSolid& solid,
       skeleton,
       root,
       step,
-      kWhole,
+      kToes,
       &foot);
+  std::vector<Tube> toes;
+  for (int i = 0; i < 5; ++i) toes.push_back(solid.toe(i));
+  FillDigitRows(toes, skeleton, root, kToes, &foot);
 
   sweeps[kTrunkSweep] = trunk;
   sweeps[kLArmSweep] = arm;

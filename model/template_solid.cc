@@ -18,6 +18,8 @@ constexpr int kGirthIterations = 5;
 // Beyond this distance from the mid plane, in statures, the surface of one leg
 // does not feel the other.
 constexpr double kLegsReach = 0.03;
+// The foot's solid reaches less than this above the ankle, in statures.
+constexpr double kFootReach = 0.04;
 // A tape around the neck runs lower in front.
 constexpr double kNeckTapeLean = 20 * std::numbers::pi / 180;
 
@@ -35,18 +37,37 @@ double ExitDistance(
   // Distances are approximate, so the march does not trust them fully.
   constexpr double kTrust = 0.5;
   constexpr int kMaxSteps = 2000;
-  constexpr int kBisections = 30;
+  constexpr int kMaxRefinements = 40;
   double inside = 0;
   double outside = 0;
   double value = distance(origin);
+  double value_inside = value;
   for (int i = 0; i < kMaxSteps && value < 0; ++i) {
     inside = outside;
+    value_inside = value;
     outside += std::max(step, -kTrust * value);
     value = distance(origin + outside * direction);
   }
-  for (int i = 0; i < kBisections && outside > inside; ++i) {
-    const double middle = (inside + outside) / 2;
-    (distance(origin + middle * direction) < 0 ? inside : outside) = middle;
+  // False position (Illinois).
+  double value_outside = value;
+  const double tolerance = 1e-7 * step;
+  int last_side = 0;
+  for (int i = 0; i < kMaxRefinements && outside - inside > tolerance; ++i) {
+    const double at = (inside * value_outside - outside * value_inside) /
+                      (value_outside - value_inside);
+    value = distance(origin + at * direction);
+    if (std::abs(value) < tolerance) return at;
+    const int side = value < 0 ? -1 : 1;
+    if (side < 0) {
+      inside = at;
+      value_inside = value;
+      if (last_side == side) value_outside /= 2;
+    } else {
+      outside = at;
+      value_outside = value;
+      if (last_side == side) value_inside /= 2;
+    }
+    last_side = side;
   }
   return outside;
 }
@@ -78,31 +99,37 @@ TemplateSolid::TemplateSolid(
   }
 }
 
-std::vector<StackSection> TemplateSolid::Scaled(const SectionTable& table,
-                                                const std::string& part) const {
+double TemplateSolid::ScaleAt(const std::string& part, double level) const {
   // Between the levels of two girths their scales are blended.
   std::vector<std::pair<double, double>> level_scale;
   for (size_t i = 0; i < tables_.girths.size(); ++i) {
     if (tables_.girths[i].part == part)
       level_scale.push_back({tables_.girths[i].level, girth_scale_[i]});
   }
+  if (level_scale.empty()) return 1;
   // Shoulders keep their size whatever the chest.
-  if (part == "trunk") level_scale.push_back({table.sections.back().s, 1.0});
+  if (part == "trunk")
+    level_scale.push_back({tables_.trunk.sections.back().s, 1.0});
   std::sort(level_scale.begin(), level_scale.end());
+  double scale = level_scale.front().second;
+  for (size_t i = 0; i < level_scale.size(); ++i) {
+    const auto [key, value] = level_scale[i];
+    if (level < key) break;
+    scale = value;
+    if (i + 1 < level_scale.size()) {
+      const auto [next_key, next_value] = level_scale[i + 1];
+      const double t = std::min(1.0, (level - key) / (next_key - key));
+      scale += t * t * (3 - 2 * t) * (next_value - value);
+    }
+  }
+  return scale;
+}
+
+std::vector<StackSection> TemplateSolid::Scaled(const SectionTable& table,
+                                                const std::string& part) const {
   std::vector<StackSection> sections = table.sections;
   for (StackSection& section : sections) {
-    double scale = level_scale.empty() ? 1 : level_scale.front().second;
-    for (size_t i = 0; i < level_scale.size(); ++i) {
-      const auto [level, value] = level_scale[i];
-      if (section.s < level) break;
-      scale = value;
-      if (i + 1 < level_scale.size()) {
-        const auto [next_level, next_value] = level_scale[i + 1];
-        const double t =
-            std::min(1.0, (section.s - level) / (next_level - level));
-        scale += t * (next_value - value);
-      }
-    }
+    const double scale = ScaleAt(part, section.s);
     // Thighs grow outwards: inside they would meet.
     if (part == "leg") {
       const double thigh = std::clamp(1 - section.s, 0.0, 1.0);
@@ -136,7 +163,8 @@ void TemplateSolid::Build(const std::vector<double>& girth_scale) {
                         y,
                         metric(Scaled(table, part)),
                         table.round_start * stature_,
-                        table.round_end * stature_);
+                        table.round_end * stature_,
+                        table.smooth * stature_);
   };
   trunk_ = upright(tables_.trunk, "trunk");
   neck_ = upright(tables_.neck, "neck");
@@ -153,7 +181,8 @@ void TemplateSolid::Build(const std::vector<double>& girth_scale) {
                       arm_along_,
                       arm,
                       tables_.arm.round_start * stature_,
-                      tables_.arm.round_end * stature_);
+                      tables_.arm.round_end * stature_,
+                      tables_.arm.smooth * stature_);
 
   std::vector<StackSection> leg = metric(Scaled(tables_.leg, "leg"));
   for (StackSection& section : leg) {
@@ -168,7 +197,8 @@ void TemplateSolid::Build(const std::vector<double>& girth_scale) {
                       -y,
                       leg,
                       tables_.leg.round_start * stature_,
-                      tables_.leg.round_end * stature_);
+                      tables_.leg.round_end * stature_,
+                      tables_.leg.smooth * stature_);
 
   // Above, the legs are not felt on the surface.
   leg_top_ =
@@ -181,40 +211,146 @@ void TemplateSolid::Build(const std::vector<double>& girth_scale) {
                        foot_forward_,
                        metric(Scaled(tables_.foot, "foot")),
                        tables_.foot.round_start * stature_,
-                       tables_.foot.round_end * stature_);
+                       tables_.foot.round_end * stature_,
+                       tables_.foot.smooth * stature_);
 
+  // Above, the foot is not felt on the surface of the leg.
+  foot_top_ = ankle.y() + (kFootReach + tables_.blend.foot) * stature_;
+  BuildDigits();
+  BuildFeatures();
+}
+
+void TemplateSolid::BuildDigits() {
   const Eigen::Vector3d& wrist = joints_[kLWrist];
   const double hand = (joints_[kLHandEnd] - wrist).norm();
+  auto build = [](const DigitTable& table, double unit, auto&& place) {
+    Tube tube;
+    for (size_t i = 0; i < table.point.size(); ++i) {
+      tube.point.push_back(place(table.point[i]));
+      tube.radius.push_back(unit * table.radius[i]);
+    }
+    // The last sphere ends at the given point.
+    Eigen::Vector3d& tip = tube.point.back();
+    const Eigen::Vector3d& before = tube.point[tube.point.size() - 2];
+    tip -= tube.radius.back() * (tip - before).normalized();
+    return tube;
+  };
   for (size_t i = 0; i < finger_.size(); ++i) {
-    const FingerTable& table = tables_.finger[i];
-    auto place = [&](const Eigen::Vector3d& p) -> Eigen::Vector3d {
-      return wrist + hand * (p.x() * arm_along_ + p.y() * arm_thumb_ +
-                             p.z() * arm_palm_);
-    };
-    const Eigen::Vector3d root = place(table.root);
-    Eigen::Vector3d tip = place(table.tip);
-    // The tip's sphere ends at the given point.
-    tip -= hand * table.radius.y() * (tip - root).normalized();
-    finger_[i] = {{root, tip},
-                  {hand * table.radius.x(), hand * table.radius.y()}};
+    finger_[i] =
+        build(tables_.finger[i],
+              hand,
+              [&](const Eigen::Vector3d& p) -> Eigen::Vector3d {
+                return wrist + hand * (p.x() * arm_along_ + p.y() * arm_thumb_ +
+                                       p.z() * arm_palm_);
+              });
+    toe_[i] = build(tables_.toe[i], stature_, [&](const Eigen::Vector3d& p) {
+      return Place("foot", p).point;
+    });
   }
+}
 
-  trunk_blobs_.clear();
-  head_blobs_.clear();
-  leg_blobs_.clear();
+TemplateSolid::Placement TemplateSolid::Place(const std::string& part,
+                                              const Eigen::Vector3d& at) const {
+  // Centre of the table's section at a level, in its two axes.
+  auto table_center = [&](const SectionTable& table, double level) {
+    const auto& rows = table.sections;
+    size_t i = 1;
+    while (i + 1 < rows.size() && rows[i].s < level) ++i;
+    const double t = std::clamp(
+        (level - rows[i - 1].s) / (rows[i].s - rows[i - 1].s), 0.0, 1.0);
+    return Eigen::Vector2d(
+        rows[i - 1].center_x + t * (rows[i].center_x - rows[i - 1].center_x),
+        rows[i - 1].center_y + t * (rows[i].center_y - rows[i - 1].center_y));
+  };
+  Placement placement;
+  if (part == "arm" || part == "leg") {
+    const bool is_arm = part == "arm";
+    const SectionTable& table = is_arm ? tables_.arm : tables_.leg;
+    placement.scale = ScaleAt(part, at.x());
+    if (is_arm) {
+      placement.axes << arm_along_, arm_thumb_, arm_palm_;
+    } else {
+      placement.axes << -Eigen::Vector3d::UnitY(), Eigen::Vector3d::UnitX(),
+          Eigen::Vector3d::UnitZ();
+    }
+    const Eigen::Vector2d offset =
+        placement.scale * (at.tail<2>() - table_center(table, at.x()));
+    placement.point = (is_arm ? ArmCenter(at.x()) : LegCenter(at.x())) +
+                      stature_ * placement.axes.rightCols<2>() * offset;
+  } else if (part == "foot") {
+    placement.axes << foot_forward_, foot_lateral_, Eigen::Vector3d::UnitY();
+    const Eigen::Vector3d& ankle = joints_[kLAnkle];
+    placement.point = Eigen::Vector3d(ankle.x(), 0, ankle.z()) +
+                      stature_ * placement.axes * at;
+  } else {
+    placement.axes.setIdentity();
+    placement.point = stature_ * at;
+    if (part != "head") {
+      const SectionTable& table =
+          part == "trunk" ? tables_.trunk : tables_.neck;
+      placement.scale = ScaleAt(part, at.y());
+      const Eigen::Vector2d center = table_center(table, at.y());
+      placement.point.x() *= placement.scale;
+      placement.point.z() =
+          stature_ * (center.y() + placement.scale * (at.z() - center.y()));
+    }
+  }
+  return placement;
+}
+
+void TemplateSolid::BuildFeatures() {
+  for (auto* features : {&trunk_features_,
+                         &head_features_,
+                         &arm_features_,
+                         &leg_features_,
+                         &foot_features_}) {
+    features->clear();
+  }
+  auto features_of = [&](const std::string& part) -> std::vector<Feature>& {
+    return part == "head"   ? head_features_
+           : part == "arm"  ? arm_features_
+           : part == "leg"  ? leg_features_
+           : part == "foot" ? foot_features_
+                            : trunk_features_;
+  };
+  // Limbs are built on the left only.
+  auto is_paired = [](const std::string& part, double x) {
+    return (part == "trunk" || part == "neck" || part == "head") && x != 0;
+  };
+  const Eigen::Vector3d mirror(-1, 1, 1);
   for (const BlobTable& entry : tables_.blobs) {
+    const Placement placement = Place(entry.part, entry.blob.center);
     Blob blob = entry.blob;
-    blob.center *= stature_;
-    blob.radii *= stature_;
+    blob.center = placement.point;
+    const bool is_limb = entry.part == "arm" || entry.part == "leg";
+    Eigen::Vector3d scale(placement.scale, placement.scale, placement.scale);
+    scale[is_limb ? 0 : 1] = 1;  // along the part
+    blob.radii = stature_ * blob.radii.cwiseProduct(scale);
     blob.blend_width *= stature_;
-    auto& blobs = entry.part == "trunk"  ? trunk_blobs_
-                  : entry.part == "head" ? head_blobs_
-                                         : leg_blobs_;
-    blobs.push_back(blob);
-    const bool paired = entry.part != "leg" && blob.center.x() != 0;
-    if (!paired) continue;
-    blob.center.x() = -blob.center.x();
-    blobs.push_back(blob);
+    blob.world_from_blob = placement.axes * blob.world_from_blob;
+    std::vector<Feature>& features = features_of(entry.part);
+    features.push_back(Feature(blob));
+    if (!is_paired(entry.part, blob.center.x())) continue;
+    blob.center = blob.center.cwiseProduct(mirror);
+    blob.world_from_blob = mirror.asDiagonal() * blob.world_from_blob;
+    features.push_back(Feature(blob));
+  }
+  for (const TubeTable& entry : tables_.tubes) {
+    Tube tube = entry.tube;
+    double farthest = 0;
+    for (size_t i = 0; i < tube.point.size(); ++i) {
+      const Placement placement = Place(entry.part, tube.point[i]);
+      tube.point[i] = placement.point;
+      tube.radius[i] *= stature_ * placement.scale;
+      farthest = std::max(farthest, std::abs(placement.point.x()));
+    }
+    const double width = entry.blend_width * stature_;
+    std::vector<Feature>& features = features_of(entry.part);
+    features.push_back(Feature(tube, width, entry.carve));
+    if (!is_paired(entry.part, farthest)) continue;
+    for (Eigen::Vector3d& point : tube.point)
+      point = point.cwiseProduct(mirror);
+    features.push_back(Feature(tube, width, entry.carve));
   }
 }
 
@@ -226,18 +362,22 @@ double TemplateSolid::Trunk(const Eigen::Vector3d& point) const {
   double trunk = std::numeric_limits<double>::infinity();
   if (height < trunk_.end() + reach) {
     trunk = trunk_.Distance(point);
-    for (const Blob& blob : trunk_blobs_) trunk = blob.Apply(trunk, point);
   }
-  if (height < neck_.start() - reach) return trunk;
-  trunk = SmoothMin(trunk, neck_.Distance(point), blend.neck * stature_);
+  if (height > neck_.start() - reach)
+    trunk = SmoothMin(trunk, neck_.Distance(point), blend.neck * stature_);
+  for (const Feature& feature : trunk_features_)
+    trunk = feature.Apply(trunk, point);
   if (height < head_.start() - reach) return trunk;
   double head = head_.Distance(point);
-  for (const Blob& blob : head_blobs_) head = blob.Apply(head, point);
+  for (const Feature& feature : head_features_)
+    head = feature.Apply(head, point);
   return SmoothMin(trunk, head, blend.head * stature_);
 }
 
 double TemplateSolid::Arm(const Eigen::Vector3d& point) const {
-  return arm_.Distance(point);
+  double arm = arm_.Distance(point);
+  for (const Feature& feature : arm_features_) arm = feature.Apply(arm, point);
+  return arm;
 }
 
 double TemplateSolid::Finger(int finger, const Eigen::Vector3d& point) const {
@@ -253,16 +393,31 @@ double TemplateSolid::Hand(const Eigen::Vector3d& point) const {
 
 double TemplateSolid::Leg(const Eigen::Vector3d& point) const {
   double leg = leg_.Distance(point);
-  for (const Blob& blob : leg_blobs_) leg = blob.Apply(leg, point);
+  for (const Feature& feature : leg_features_) leg = feature.Apply(leg, point);
   return leg;
 }
 
 double TemplateSolid::Foot(const Eigen::Vector3d& point) const {
-  return foot_.Distance(point);
+  double foot = foot_.Distance(point);
+  for (const Feature& feature : foot_features_)
+    foot = feature.Apply(foot, point);
+  return foot;
+}
+
+double TemplateSolid::Toe(int toe, const Eigen::Vector3d& point) const {
+  return toe_[toe].Distance(point);
 }
 
 double TemplateSolid::LegAndFoot(const Eigen::Vector3d& point) const {
-  return SmoothMin(Leg(point), Foot(point), tables_.blend.foot * stature_);
+  const TemplateBlend& blend = tables_.blend;
+  if (point.y() > foot_top_) return Leg(point);
+  double toes = toe_[0].Distance(point);
+  for (size_t i = 1; i < toe_.size(); ++i)
+    toes = std::min(toes, toe_[i].Distance(point));
+  double foot = SmoothMin(Foot(point), toes, blend.toe * stature_);
+  // The floor flattens the sole.
+  foot = -SmoothMin(-foot, point.y(), blend.sole * stature_);
+  return SmoothMin(Leg(point), foot, blend.foot * stature_);
 }
 
 double TemplateSolid::Body(const Eigen::Vector3d& point) const {

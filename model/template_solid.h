@@ -30,8 +30,9 @@ class TemplateSolid {
   double Hand(const Eigen::Vector3d& point) const;   // fingers
   double Finger(int finger, const Eigen::Vector3d& point) const;
   double Leg(const Eigen::Vector3d& point) const;
-  double Foot(const Eigen::Vector3d& point) const;
-  double LegAndFoot(const Eigen::Vector3d& point) const;
+  double Foot(const Eigen::Vector3d& point) const;  // without toes
+  double Toe(int toe, const Eigen::Vector3d& point) const;
+  double LegAndFoot(const Eigen::Vector3d& point) const;  // with toes
   // Everything, both sides.
   double Body(const Eigen::Vector3d& point) const;
 
@@ -58,14 +59,27 @@ class TemplateSolid {
     return foot_.Center(forward);
   }
   const Tube& finger(int index) const { return finger_[index]; }
+  const Tube& toe(int index) const { return toe_[index]; }
 
   // Tape girth at a target's level, metres.
   double MeasureGirth(const GirthTarget& target) const;
 
  private:
   void Build(const std::vector<double>& girth_scale);
+  // Of the sections of a part at a level (height, or bones of the limb).
+  double ScaleAt(const std::string& part, double level) const;
   std::vector<StackSection> Scaled(const SectionTable& table,
                                    const std::string& part) const;
+  void BuildDigits();
+  void BuildFeatures();
+  // Places a point of a part's coordinates, scaled like the section there;
+  // `scale` and the axes of the coordinates are returned.
+  struct Placement {
+    Eigen::Vector3d point;
+    Eigen::Matrix3d axes;  // in the columns
+    double scale = 1;
+  };
+  Placement Place(const std::string& part, const Eigen::Vector3d& at) const;
 
   TemplateTables tables_;
   double stature_;
@@ -75,8 +89,10 @@ class TemplateSolid {
   Eigen::Vector3d foot_forward_, foot_lateral_;
   SectionStack trunk_, neck_, head_, arm_, leg_, foot_;
   double leg_top_ = 0;
-  std::vector<Blob> trunk_blobs_, head_blobs_, leg_blobs_;
-  std::array<Tube, 5> finger_;
+  double foot_top_ = 0;
+  std::vector<Feature> trunk_features_, head_features_, arm_features_,
+      leg_features_, foot_features_;
+  std::array<Tube, 5> finger_, toe_;
 };
 
 // Distance along the unit direction from `origin`, which is inside the solid,

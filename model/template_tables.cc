@@ -3,6 +3,7 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
 
@@ -74,6 +75,27 @@ class TableReader {
     return rows;
   }
 
+  // Two rows or more, in any order.
+  std::vector<Numbers> Table(const YAML::Node& node, size_t size) const {
+    if (!node.IsSequence() || node.size() < 2) {
+      Fail(node, "two rows or more are needed");
+    }
+    std::vector<Numbers> rows;
+    for (const YAML::Node& row : node) rows.push_back(List(row, size));
+    return rows;
+  }
+
+  std::vector<Numbers> BlendedTable(const YAML::Node& map, size_t size) const {
+    const auto male = Table(Key(map, "male"), size);
+    const auto female = Table(Key(map, "female"), size);
+    if (male.size() != female.size())
+      Fail(map, "male and female need the same number of rows");
+    std::vector<Numbers> rows;
+    for (size_t i = 0; i < male.size(); ++i)
+      rows.push_back(Blend(female[i], male[i]));
+    return rows;
+  }
+
   Numbers Blended(const YAML::Node& map, size_t size) const {
     return Blend(List(Key(map, "female"), size), List(Key(map, "male"), size));
   }
@@ -88,6 +110,7 @@ class TableReader {
     const Numbers round = List(Key(map, "round"), 2);
     table.round_start = round[0];
     table.round_end = round[1];
+    table.smooth = Number(Key(map, "smooth"));
     const size_t size = Key(map, "male")[0].size();
     if (size != 5 && size != 6) Fail(map, "rows of 5 or 6 numbers are needed");
     const auto male = Rows(Key(map, "male"), size);
@@ -143,19 +166,59 @@ void ReadDirections(const TableReader& reader,
   }
 }
 
-void ReadFingers(const TableReader& reader,
-                 const YAML::Node& node,
-                 TemplateTables* tables) {
-  if (!node.IsSequence() || node.size() != tables->finger.size()) {
-    reader.Fail(node, "five fingers are needed");
+// Rows of x, y, z, radius.
+DigitTable ReadDigit(const TableReader& reader,
+                     const YAML::Node& node,
+                     const std::vector<Numbers>& rows) {
+  DigitTable digit;
+  for (const Numbers& row : rows) {
+    if (row[3] <= 0) reader.Fail(node, "radii must be positive");
+    digit.point.push_back(Vector(row));
+    digit.radius.push_back(row[3]);
   }
+  return digit;
+}
+
+void ReadDigits(const TableReader& reader,
+                const YAML::Node& root,
+                TemplateTables* tables) {
+  const YAML::Node fingers = reader.Key(root, "fingers");
+  const YAML::Node toes = reader.Key(root, "toes");
+  if (!fingers.IsSequence() || fingers.size() != tables->finger.size())
+    reader.Fail(fingers, "five fingers are needed");
+  if (!toes.IsSequence() || toes.size() != tables->toe.size())
+    reader.Fail(toes, "five toes are needed");
   for (size_t i = 0; i < tables->finger.size(); ++i) {
-    FingerTable& finger = tables->finger[i];
-    finger.root = Vector(reader.List(reader.Key(node[i], "root"), 3));
-    finger.tip = Vector(reader.List(reader.Key(node[i], "tip"), 3));
-    const Numbers radius = reader.List(reader.Key(node[i], "radius"), 2);
-    finger.radius = {radius[0], radius[1]};
+    tables->finger[i] = ReadDigit(
+        reader, fingers[i], reader.Table(reader.Key(fingers[i], "points"), 4));
+    tables->toe[i] =
+        ReadDigit(reader, toes[i], reader.BlendedTable(toes[i], 4));
   }
+}
+
+void ReadEar(const TableReader& reader,
+             const YAML::Node& node,
+             TemplateTables* tables) {
+  const Numbers shape = reader.Blended(node, 5);
+  EarTable& ear = tables->ear;
+  ear.center = Vector(shape);
+  ear.half_length = shape[3];
+  ear.half_breadth = shape[4];
+  ear.lean = Radians(reader.Number(reader.Key(node, "lean_degrees")));
+  ear.flare = Radians(reader.Number(reader.Key(node, "flare_degrees")));
+  ear.thick = reader.Number(reader.Key(node, "thick"));
+}
+
+std::string ReadPart(const TableReader& reader, const YAML::Node& entry) {
+  const std::string part = reader.Text(reader.Key(entry, "part"));
+  for (const char* known : {"trunk", "neck", "head", "arm", "leg", "foot"}) {
+    if (part == known) return part;
+  }
+  reader.Fail(entry, "there is no part " + part);
+}
+
+bool ReadCarve(const YAML::Node& entry) {
+  return entry["carve"] && entry["carve"].as<bool>();
 }
 
 void ReadBlobs(const TableReader& reader,
@@ -164,19 +227,37 @@ void ReadBlobs(const TableReader& reader,
   for (const YAML::Node& entry : node) {
     const Numbers shape = reader.Blended(entry, 6);
     BlobTable table;
-    table.part = reader.Text(reader.Key(entry, "part"));
+    table.part = ReadPart(reader, entry);
     Blob& blob = table.blob;
     blob.center = {shape[0], shape[1], shape[2]};
     blob.radii = {shape[3], shape[4], shape[5]};
     if (blob.radii.minCoeff() <= 0)
       reader.Fail(entry, "radii must be positive");
-    const double pitch = Radians(reader.Number(reader.Key(entry, "pitch")));
-    blob.world_from_blob << 1, 0, 0,           //
-        0, std::cos(pitch), -std::sin(pitch),  //
-        0, std::sin(pitch), std::cos(pitch);
+    auto turn = [&](const char* key, const Eigen::Vector3d& axis) {
+      const double degrees = entry[key] ? reader.Number(entry[key]) : 0;
+      return Eigen::AngleAxisd(Radians(degrees), axis).toRotationMatrix();
+    };
+    blob.world_from_blob = turn("yaw", Eigen::Vector3d::UnitY()) *
+                           turn("pitch", Eigen::Vector3d::UnitX()) *
+                           turn("roll", Eigen::Vector3d::UnitZ());
     blob.blend_width = reader.Number(reader.Key(entry, "width"));
-    blob.carve = entry["carve"] && entry["carve"].as<bool>();
+    blob.carve = ReadCarve(entry);
     tables->blobs.push_back(table);
+  }
+}
+
+void ReadTubes(const TableReader& reader,
+               const YAML::Node& node,
+               TemplateTables* tables) {
+  for (const YAML::Node& entry : node) {
+    TubeTable table;
+    table.part = ReadPart(reader, entry);
+    const DigitTable points =
+        ReadDigit(reader, entry, reader.BlendedTable(entry, 4));
+    table.tube = {points.point, points.radius};
+    table.blend_width = reader.Number(reader.Key(entry, "width"));
+    table.carve = ReadCarve(entry);
+    tables->tubes.push_back(table);
   }
 }
 
@@ -239,8 +320,10 @@ TemplateTables TemplateTables::Parse(const std::string& text,
   tables.foot = reader.Sections(reader.Key(root, "foot"));
   tables.foot_toe_out =
       Radians(reader.Number(reader.Key(root, "foot_toe_out_degrees")));
-  ReadFingers(reader, reader.Key(root, "fingers"), &tables);
+  ReadDigits(reader, root, &tables);
+  ReadEar(reader, reader.Key(root, "ear"), &tables);
   ReadBlobs(reader, reader.Key(root, "blobs"), &tables);
+  ReadTubes(reader, reader.Key(root, "tubes"), &tables);
   const YAML::Node blend = reader.Key(root, "blend");
   auto width = [&](const char* key) {
     return reader.Number(reader.Key(blend, key));
@@ -251,6 +334,8 @@ TemplateTables TemplateTables::Parse(const std::string& text,
                   width("leg"),
                   width("foot"),
                   width("finger"),
+                  width("toe"),
+                  width("sole"),
                   width("legs")};
   ReadGirths(reader, reader.Key(root, "girths"), &tables);
   ReadRings(reader, root, &tables);

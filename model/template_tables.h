@@ -15,17 +15,36 @@ namespace sweepfit {
 struct SectionTable {
   double round_start = 0;
   double round_end = 0;
+  double smooth = 0;  // standard deviation of the smoothing along the part
   std::vector<StackSection> sections;
 };
 
-struct FingerTable {
-  Eigen::Vector3d root, tip;  // along the hand, towards thumb, towards palm
-  Eigen::Vector2d radius;     // there; all in hand lengths
+// A finger or toe: points from root to tip, and the radii there.
+struct DigitTable {
+  std::vector<Eigen::Vector3d> point;
+  std::vector<double> radius;
 };
 
+// Shapes added to a part or carved from it, in the coordinates of the part.
 struct BlobTable {
   std::string part;
   Blob blob;
+};
+struct TubeTable {
+  std::string part;
+  Tube tube;
+  double blend_width = 0;
+  bool carve = false;
+};
+
+// The auricle, on the left; statures.
+struct EarTable {
+  Eigen::Vector3d center;  // of its outline
+  double half_length = 0;
+  double half_breadth = 0;
+  double lean = 0;   // of its length, backwards at the top; radians
+  double flare = 0;  // between the auricle and the head, radians
+  double thick = 0;  // of the rim
 };
 
 // A tape girth that the template is fitted to.
@@ -46,7 +65,7 @@ struct LimbRingKey {
 };
 
 struct TemplateBlend {
-  double neck, head, arm, leg, foot, finger, legs;
+  double neck, head, arm, leg, foot, finger, toe, sole, legs;
 };
 
 // The file model/data/template.yaml, blended for one sex. Lengths are
@@ -57,8 +76,13 @@ struct TemplateTables {
   double ankle_height = 0;  // of the joint above the soles
   SectionTable trunk, neck, head, arm, leg, foot;
   double foot_toe_out = 0;  // radians
-  std::array<FingerTable, 5> finger;
+  // In hand lengths: along the hand, towards the thumb, towards the palm.
+  std::array<DigitTable, 5> finger;
+  // Forward, lateral, up, from the sole below the ankle.
+  std::array<DigitTable, 5> toe;
+  EarTable ear;
   std::vector<BlobTable> blobs;
+  std::vector<TubeTable> tubes;
   TemplateBlend blend;
   std::vector<GirthTarget> girths;
   std::vector<TrunkRingKey> trunk_rings;

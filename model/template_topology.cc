@@ -74,6 +74,15 @@ bool InArmPatch(int row, int column) {
          column >= first && column < first + R::kArmPatchColumns;
 }
 
+bool InEarPatch(int row, int column) {
+  return row >= R::kEarRow && row < R::kEarRow + R::kEarRows &&
+         column >= R::kEarColumn && column < R::kEarColumn + R::kEarColumns;
+}
+
+bool InOpening(int row, int column) {
+  return InArmPatch(row, column) || InEarPatch(row, column);
+}
+
 void AddTrunk(ComplexBuilder& builder, HalfComplex& half) {
   const int torso = builder.Chart("torso", true);
   const int head = builder.Chart("head", true);
@@ -82,9 +91,9 @@ void AddTrunk(ComplexBuilder& builder, HalfComplex& half) {
         row > R::kNeckRow ? BodyPart::kHead : BodyPart::kTrunk;
     std::vector<int> ring;
     for (int k = 0; k <= R::kHalfTrunk; ++k) {
-      // Interior of the arm's opening: all four cells around are open.
-      const bool open = InArmPatch(row, k) && InArmPatch(row - 1, k) &&
-                        InArmPatch(row, k - 1) && InArmPatch(row - 1, k - 1);
+      // Inside the arm's or the ear's opening: all four cells around are open.
+      const bool open = InOpening(row, k) && InOpening(row - 1, k) &&
+                        InOpening(row, k - 1) && InOpening(row - 1, k - 1);
       ring.push_back(open ? -1
                           : builder.Vertex(part, k == 0 || k == R::kHalfTrunk));
     }
@@ -92,7 +101,7 @@ void AddTrunk(ComplexBuilder& builder, HalfComplex& half) {
   }
   for (int row = 0; row + 1 < R::kTrunkRows; ++row) {
     for (int k = 0; k < R::kHalfTrunk; ++k) {
-      if (InArmPatch(row, k)) continue;
+      if (InOpening(row, k)) continue;
       builder.AddCell(half.trunk,
                       row,
                       k,
@@ -150,6 +159,57 @@ std::vector<int> ArmHole(const HalfComplex& half) {
   return loop;
 }
 
+void AddEar(ComplexBuilder& builder, HalfComplex& half) {
+  const int back = builder.Chart("ear", false);
+  const int floor = builder.Chart("ear_floor", false);
+  const int low = R::kEarRow;
+  const int high = low + R::kEarRows;
+  const int front = R::kEarColumn;
+  const int rear = front + R::kEarColumns;
+  std::vector<int> loop;
+  for (int row = low + R::kEarRows / 2; row > low; --row)
+    loop.push_back(half.trunk[row][front]);
+  for (int k = front; k < rear; ++k) loop.push_back(half.trunk[low][k]);
+  for (int row = low; row < high; ++row) loop.push_back(half.trunk[row][rear]);
+  for (int k = rear; k > front; --k) loop.push_back(half.trunk[high][k]);
+  for (int row = high; row > low + R::kEarRows / 2; --row)
+    loop.push_back(half.trunk[row][front]);
+  CHECK_EQ(static_cast<int>(loop.size()), R::kEarLoop);
+  half.ear.push_back(loop);
+  for (int i = 1; i <= R::kEarRings; ++i)
+    half.ear.push_back(builder.Ring(R::kEarLoop, BodyPart::kHead));
+  for (int row = 0; row < R::kEarRings; ++row) {
+    for (int j = 0; j < R::kEarLoop; ++j)
+      builder.AddCell(half.ear, row, j, false, back, {j, row});
+  }
+  // A grid of the shape of the opening closes the last loop.
+  const std::vector<int>& last = half.ear.back();
+  for (int b = 0; b <= R::kEarRows; ++b) {
+    std::vector<int> line;
+    for (int a = 0; a <= R::kEarColumns; ++a) {
+      const int start = R::kEarRows / 2;  // of the lower edge in the loop
+      int id;
+      if (b == 0) {
+        id = last[start + a];
+      } else if (a == R::kEarColumns) {
+        id = last[start + R::kEarColumns + b];
+      } else if (b == R::kEarRows) {
+        id = last[start + 2 * R::kEarColumns + R::kEarRows - a];
+      } else if (a == 0) {
+        id = last[(start - b + R::kEarLoop) % R::kEarLoop];
+      } else {
+        id = builder.Vertex(BodyPart::kHead);
+      }
+      line.push_back(id);
+    }
+    half.ear_floor.push_back(line);
+  }
+  for (int b = 0; b < R::kEarRows; ++b) {
+    for (int a = 0; a < R::kEarColumns; ++a)
+      builder.AddCell(half.ear_floor, b, a, false, floor, {a, b});
+  }
+}
+
 // The thumb grows out of the cells around the radial edge: columns 25 and 0.
 bool InThumbPatch(int row, int column) {
   return row >= R::kThumbRow && row < R::kThumbRow + 2 &&
@@ -186,35 +246,37 @@ void AddArm(ComplexBuilder& builder, HalfComplex& half) {
   }
 }
 
-// A finger of rings of eight around a given first ring, closed by 2 x 2 quads.
-void AddFinger(int finger,
-               const std::vector<int>& base,
-               ComplexBuilder& builder,
-               HalfComplex& half) {
+// A finger or toe of rings of eight around a given first ring, closed by
+// 2 x 2 quads.
+HalfComplex::Digit AddDigit(const std::string& name,
+                            const std::vector<int>& base,
+                            int rows,
+                            BodyPart part,
+                            ComplexBuilder& builder) {
+  HalfComplex::Digit digit;
   const int count = static_cast<int>(base.size());
-  const std::string name = "finger" + std::to_string(finger);
   const int tube = builder.Chart(name, false);
   const int cap = builder.Chart(name + "_tip", false);
-  VertexGrid& grid = half.finger[finger];
+  VertexGrid& grid = digit.ring;
   grid.push_back(base);
-  for (int row = 1; row <= R::kFingerRows; ++row)
-    grid.push_back(builder.Ring(count, BodyPart::kLHand));
-  for (int row = 0; row < R::kFingerRows; ++row) {
+  for (int row = 1; row <= rows; ++row)
+    grid.push_back(builder.Ring(count, part));
+  for (int row = 0; row < rows; ++row) {
     for (int j = 0; j < count; ++j)
       builder.AddCell(grid, row, j, false, tube, {j, row});
   }
-  const int tip = builder.Vertex(BodyPart::kLHand);
-  half.finger_tip[finger] = tip;
+  digit.tip = builder.Vertex(part);
   const std::vector<int>& ring = grid.back();
   static constexpr ChartCorner kAround[8] = {
       {0, 0}, {1, 0}, {2, 0}, {2, 1}, {2, 2}, {1, 2}, {0, 2}, {0, 1}};
   for (int j = 0; j < count; j += 2) {
     const int before = (j + count - 1) % count;
     const int after = (j + 1) % count;
-    builder.AddQuad({ring[before], ring[j], ring[after], tip},
+    builder.AddQuad({ring[before], ring[j], ring[after], digit.tip},
                     cap,
                     {kAround[before], kAround[j], kAround[after], {1, 1}});
   }
+  return digit;
 }
 
 void AddFingers(ComplexBuilder& builder, HalfComplex& half) {
@@ -225,23 +287,28 @@ void AddFingers(ComplexBuilder& builder, HalfComplex& half) {
     for (int i = 0; i <= 3; ++i) base.push_back(knuckles[3 * finger + i]);
     for (int i = 3; i >= 0; --i)
       base.push_back(knuckles[R::kArmColumns - 1 - 3 * finger - i]);
-    AddFinger(finger, base, builder, half);
+    half.finger[finger] = AddDigit("finger" + std::to_string(finger),
+                                   base,
+                                   R::kFingerRows,
+                                   BodyPart::kLHand,
+                                   builder);
   }
   // Around the thumb's opening, counter-clockwise seen from outside.
   const int row = R::kThumbRow;
   const int last = R::kArmColumns - 1;
   const VertexGrid& arm = half.arm;
-  AddFinger(4,
-            {arm[row][last],
-             arm[row][0],
-             arm[row][1],
-             arm[row + 1][1],
-             arm[row + 2][1],
-             arm[row + 2][0],
-             arm[row + 2][last],
-             arm[row + 1][last]},
-            builder,
-            half);
+  half.finger[4] = AddDigit("finger4",
+                            {arm[row][last],
+                             arm[row][0],
+                             arm[row][1],
+                             arm[row + 1][1],
+                             arm[row + 2][1],
+                             arm[row + 2][0],
+                             arm[row + 2][last],
+                             arm[row + 1][last]},
+                            R::kFingerRows,
+                            BodyPart::kLHand,
+                            builder);
 }
 
 void AddLeg(ComplexBuilder& builder, HalfComplex& half) {
@@ -275,32 +342,24 @@ void AddLeg(ComplexBuilder& builder, HalfComplex& half) {
   }
 }
 
-void AddToeCap(ComplexBuilder& builder, HalfComplex& half) {
-  const int chart = builder.Chart("toes", false);
+void AddToes(ComplexBuilder& builder, HalfComplex& half) {
   const std::vector<int>& ring = half.leg.back();
-  const int side = R::kToeCapSide;
-  for (int b = 0; b <= side; ++b) {
-    std::vector<int> line;
-    for (int a = 0; a <= side; ++a) {
-      int id;
-      if (b == 0) {
-        id = ring[a];
-      } else if (a == side) {
-        id = ring[side + b];
-      } else if (b == side) {
-        id = ring[3 * side - a];
-      } else if (a == 0) {
-        id = ring[4 * side - b];
-      } else {
-        id = builder.Vertex(BodyPart::kLFoot);
-      }
-      line.push_back(id);
-    }
-    half.toe_cap.push_back(line);
-  }
-  for (int b = 0; b < side; ++b) {
-    for (int a = 0; a < side; ++a)
-      builder.AddCell(half.toe_cap, b, a, true, chart, {a, b});
+  auto at = [&](int column) {
+    return ring[(column + R::kLegColumns) % R::kLegColumns];
+  };
+  for (int toe = 0; toe < 5; ++toe) {
+    // Rings run over the top from the inside to the outside and back below,
+    // which is clockwise seen from the toe's tip: given backwards.
+    const int top = R::kFirstToeColumn + 3 * toe;
+    const int below = R::kFirstToeColumn + 2 * R::kToeColumns + 1 - 3 * toe;
+    std::vector<int> base;
+    for (int i = 3; i >= 0; --i) base.push_back(at(top + i));
+    for (int i = 0; i <= 3; ++i) base.push_back(at(below - i));
+    half.toe[toe] = AddDigit("toe" + std::to_string(toe),
+                             base,
+                             R::kToeRows,
+                             BodyPart::kLFoot,
+                             builder);
   }
 }
 
@@ -326,10 +385,11 @@ HalfComplex BuildHalfComplex() {
   ComplexBuilder builder(&half);
   AddTrunk(builder, half);
   AddCrown(builder, half);
+  AddEar(builder, half);
   AddArm(builder, half);
   AddFingers(builder, half);
   AddLeg(builder, half);
-  AddToeCap(builder, half);
+  AddToes(builder, half);
   return half;
 }
 

@@ -15,9 +15,16 @@ using VertexGrid = std::vector<std::vector<int>>;  // [row][column], -1: none
 struct TemplateRings {
   static constexpr int kTrunkColumns = 48;  // ring around the trunk
   static constexpr int kHalfTrunk = kTrunkColumns / 2;
-  static constexpr int kTrunkRows = 90;
+  static constexpr int kTrunkRows = 102;
   static constexpr int kNeckRow = 44;  // the head's chart begins here
   static constexpr int kCapSide = 12;  // quads along a side of the crown cap
+  // The ear's opening on the side of the head and its rings, rim included.
+  static constexpr int kEarRow = 59;
+  static constexpr int kEarRows = 20;
+  static constexpr int kEarColumn = 16;
+  static constexpr int kEarColumns = 3;
+  static constexpr int kEarLoop = 2 * (kEarRows + kEarColumns);
+  static constexpr int kEarRings = 4;
   static constexpr int kArmPatchColumns = 6;
   static constexpr int kArmPatchRows = 7;
   static constexpr int kArmPatchRow = 32;  // lowest row of the arm's opening
@@ -29,8 +36,11 @@ struct TemplateRings {
   static constexpr int kStripEdges = 8;  // across the crotch
   static constexpr int kLegColumns = kHalfTrunk + kStripEdges;
   static constexpr int kAnkleRow = 48;
-  static constexpr int kToeRow = 78;
-  static constexpr int kToeCapSide = kLegColumns / 4;
+  static constexpr int kToeRow = 78;  // where toes begin
+  static constexpr int kToeRows = 6;
+  // Three columns to a toe above and below, one between at either side.
+  static constexpr int kToeColumns = 15;
+  static constexpr int kFirstToeColumn = -3;  // above, at the inside
 };
 
 // A corner of a quad in the grid of a UV chart.
@@ -65,11 +75,20 @@ struct HalfComplex {
   std::vector<int> strip;  // front to back across the crotch, with both ends
   // Columns run front, underside, back, top; row 0 is the arm hole.
   VertexGrid arm;
-  std::array<VertexGrid, 5> finger;  // index, middle, ring, little, thumb
-  std::array<int, 5> finger_tip;
+  // Rings of eight from the base to the tip, closed by one vertex.
+  struct Digit {
+    VertexGrid ring;
+    int tip = -1;
+  };
+  std::array<Digit, 5> finger;  // index, middle, ring, little, thumb
+  std::array<Digit, 5> toe;     // great to little
+  // Loops around the ear, outwards: on the head, the back of the auricle, its
+  // rim, the inside of the rim. Columns run from the middle of the front edge
+  // over the lobe, the back and the top.
+  VertexGrid ear;
+  VertexGrid ear_floor;  // [row up][column backwards], border: the last loop
   // Columns run front-medial, lateral, back-medial, then along the strip.
   VertexGrid leg;
-  VertexGrid toe_cap;
 };
 
 HalfComplex BuildHalfComplex();
