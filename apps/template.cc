@@ -71,10 +71,8 @@ void RunTemplate(const TemplateArguments& arguments) {
                  portrait.picture);
   WritePicture(folder / "renders.png",
                DrawPortraitSheet(portraits, kCloseUpsPerRow));
-  if (std::getenv("NOGLB") == nullptr) {
-    runtime.progress()->Stage("skin", "");
-    WriteModel(body, folder / "template.glb");
-  }
+  runtime.progress()->Stage("skin", "");
+  WriteModel(body, folder / "template.glb");
   output.Commit();
   runtime.progress()->Clear();
   if (!runtime.quiet()) {

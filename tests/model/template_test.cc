@@ -298,31 +298,57 @@ TEST(TemplateTest, JointsLieInsideAndEndsOnTheSurface) {
 }
 
 TEST(TemplateTest, GirthsAreThoseOfTheTables) {
-  for (const Body* body : {&Man(), &Woman()}) {
-    const TemplateTables tables = TemplateTables::Default(body->sex);
+  for (const TemplateOptions& options : {TemplateOptions{0.0, 1.6285, 0},
+                                         TemplateOptions{0.5, 1.70, 0},
+                                         TemplateOptions{1.0, 1.7562, 0},
+                                         TemplateOptions{0.0, 1.50, 0},
+                                         TemplateOptions{1.0, 1.95, 0}}) {
+    const Body body = BuildTemplate(options);
+    const TemplateTables tables = TemplateTables::Default(body.sex);
     ASSERT_EQ(tables.girths.size(), 10u);
     for (const GirthTarget& target : tables.girths) {
-      const double wanted = target.girth * body->stature;
-      EXPECT_NEAR(GirthOfMesh(*body, target), wanted, 0.02 * wanted)
-          << target.name << " at sex " << body->sex;
+      const double wanted = target.girth * body.stature;
+      EXPECT_NEAR(GirthOfMesh(body, target), wanted, 0.02 * wanted)
+          << target.name << " at sex " << body.sex << ", stature "
+          << body.stature;
     }
   }
 }
 
 TEST(TemplateTest, GirthsFollowTheMass) {
-  const Body heavy = BuildTemplate({1.0, 1.7562, 110});
   const Anthropometry& table = Anthropometry::Default();
-  for (const GirthTarget& target : TemplateTables::Default(1).girths) {
-    const GirthRegression* regression = target.name == "chest"   ? &table.chest
-                                        : target.name == "waist" ? &table.waist
-                                        : target.name == "thigh" ? &table.thigh
-                                                                 : nullptr;
-    if (regression == nullptr) continue;
-    const double wanted = regression->Girth(1, 110, 1.7562);
-    EXPECT_NEAR(GirthOfMesh(heavy, target), wanted, 0.03 * wanted)
-        << target.name;
+  for (const TemplateOptions& options : {TemplateOptions{1.0, 1.7562, 110},
+                                         TemplateOptions{1.0, 1.80, 65},
+                                         TemplateOptions{0.5, 1.70, 85},
+                                         TemplateOptions{0.0, 1.6285, 52},
+                                         TemplateOptions{0.0, 1.60, 85}}) {
+    const Body body = BuildTemplate(options);
+    const TemplateTables tables = TemplateTables::Default(options.sex);
+    const double mean_mass =
+        tables.ponderal_index * std::pow(options.stature, 3);
+    for (const GirthTarget& target : tables.girths) {
+      const GirthRegression* regression =
+          target.name == "chest"     ? &table.chest
+          : target.name == "waist"   ? &table.waist
+          : target.name == "buttock" ? &table.buttock
+          : target.name == "thigh"   ? &table.thigh
+          : target.name == "calf"    ? &table.calf
+          : target.name == "neck"    ? &table.neck
+          : target.name == "ankle"   ? &table.ankle
+                                     : nullptr;
+      const double factor =
+          regression != nullptr
+              ? regression->Girth(options.sex, options.mass, options.stature) /
+                    regression->Girth(options.sex, mean_mass, options.stature)
+              : std::pow(options.mass / mean_mass, target.mass_exponent);
+      const double wanted = factor * target.girth * options.stature;
+      EXPECT_NEAR(GirthOfMesh(body, target), wanted, 0.02 * wanted)
+          << target.name << " at sex " << body.sex << ", " << body.stature
+          << " m, " << body.mass << " kg";
+    }
+    EXPECT_NEAR(
+        EnclosedVolume(MeshOf(body)) * kWaterLike, body.mass, 0.12 * body.mass);
   }
-  EXPECT_NEAR(EnclosedVolume(MeshOf(heavy)) * kWaterLike, 110, 0.12 * 110);
 }
 
 TEST(TemplateTest, WeighsWhatTheTableSays) {
