@@ -210,10 +210,10 @@ void AddEar(ComplexBuilder& builder, HalfComplex& half) {
   }
 }
 
-// The thumb grows out of the cells around the radial edge: columns 25 and 0.
+// The thumb grows out of the cells on the palm's side of the radial edge.
 bool InThumbPatch(int row, int column) {
   return row >= R::kThumbRow && row < R::kThumbRow + 2 &&
-         (column == R::kArmColumns - 1 || column == 0);
+         (column == 0 || column == 1);
 }
 
 void AddArm(ComplexBuilder& builder, HalfComplex& half) {
@@ -227,7 +227,7 @@ void AddArm(ComplexBuilder& builder, HalfComplex& half) {
         row > R::kWristRow ? BodyPart::kLHand : BodyPart::kLArm;
     std::vector<int> ring;
     for (int j = 0; j < R::kArmColumns; ++j) {
-      const bool thumb_center = row == R::kThumbRow + 1 && j == 0;
+      const bool thumb_center = row == R::kThumbRow + 1 && j == 1;
       ring.push_back(thumb_center ? -1 : builder.Vertex(part));
     }
     half.arm.push_back(ring);
@@ -295,17 +295,16 @@ void AddFingers(ComplexBuilder& builder, HalfComplex& half) {
   }
   // Around the thumb's opening, counter-clockwise seen from outside.
   const int row = R::kThumbRow;
-  const int last = R::kArmColumns - 1;
   const VertexGrid& arm = half.arm;
   half.finger[4] = AddDigit("finger4",
-                            {arm[row][last],
-                             arm[row][0],
+                            {arm[row][0],
                              arm[row][1],
-                             arm[row + 1][1],
+                             arm[row][2],
+                             arm[row + 1][2],
+                             arm[row + 2][2],
                              arm[row + 2][1],
                              arm[row + 2][0],
-                             arm[row + 2][last],
-                             arm[row + 1][last]},
+                             arm[row + 1][0]},
                             R::kFingerRows,
                             BodyPart::kLHand,
                             builder);
