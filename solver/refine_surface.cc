@@ -5,6 +5,7 @@
 #include <cmath>
 #include <set>
 
+#include "capture/render.h"
 #include "solver/fit_body.h"
 #include "solver/solve_person.h"
 
@@ -17,6 +18,8 @@ using Eigen::Vector3d;
 constexpr double kReach = 0.025;  // metres
 // Fingers and faces keep the template's shape: outlines seldom resolve them.
 constexpr double kDetailStiffness = 6;
+// What is thin stays as it is: a factor on the weight of its offsets.
+constexpr double kThinStiffness = 400;
 
 bool IsDetail(BodyPart part) {
   return part == BodyPart::kLHand || part == BodyPart::kRHand ||
@@ -66,18 +69,63 @@ class OffsetSystem {
   Eigen::VectorXd right_;
 };
 
+// Thin pieces of the head, its ears: offsets along their normals would turn
+// them inside out.
+std::vector<bool> FindThin(const Body& body) {
+  constexpr double kThin = 0.007;  // of stature
+  TriangleMesh mesh;
+  mesh.vertices = RestVertices(body);
+  mesh.triangles = TriangulateQuads(body.topology.quads, mesh.vertices);
+  const std::vector<Vector3d> normals = VertexNormals(mesh);
+  const RayScene scene(mesh);
+  std::vector<bool> thin(body.num_vertices());
+  for (int v = 0; v < body.num_vertices(); ++v) {
+    if (body.topology.part[v] != BodyPart::kHead) continue;
+    constexpr double kSkip = 1e-4;  // metres, past the vertex's own faces
+    const RayScene::Hit hit =
+        scene.Intersect(mesh.vertices[v] - kSkip * normals[v], -normals[v]);
+    thin[v] = hit.triangle >= 0 && hit.distance < kThin * body.stature;
+  }
+  return thin;
+}
+
+// L^T L of the scale-dependent Laplacian: neighbours count by their inverse
+// squared distance, and rows are scaled so that the sum over the vertices is
+// the integral of the squared Laplacian whatever the size and shape of the
+// quads, sigma_smooth being that of quads of kSpacing.
 Eigen::SparseMatrix<double> SmoothnessMatrix(const Body& body,
                                              double sigma_smooth) {
+  constexpr double kSpacing = 0.010;  // metres
+  constexpr double kMaxScale = 8;
   const int n = body.num_vertices();
   const auto neighbours = Neighbours(body.topology, n);
+  const std::vector<Vector3d> vertices = RestVertices(body);
+  std::vector<double> area(n, 0.0);
+  for (const Quad& quad : body.topology.quads) {
+    const double quarter = (vertices[quad[2]] - vertices[quad[0]])
+                               .cross(vertices[quad[3]] - vertices[quad[1]])
+                               .norm() /
+                           8;
+    for (const int v : quad) area[v] += quarter;
+  }
   std::vector<Eigen::Triplet<double>> triplets;
   for (int i = 0; i < n; ++i) {
+    std::vector<double> weights;
+    double sum = 0;
+    for (const int j : neighbours[i]) {
+      const double squared =
+          std::max((vertices[j] - vertices[i]).squaredNorm(), 1e-8);
+      weights.push_back(1 / squared);
+      sum += weights.back();
+    }
+    const double count = static_cast<double>(weights.size());
+    const double scale = std::sqrt(area[i]) * kSpacing * sum / count;
     const double stiffness =
+        std::min(scale, kMaxScale) *
         (IsDetail(body.topology.part[i]) ? kDetailStiffness : 1) / sigma_smooth;
     triplets.emplace_back(i, i, stiffness);
-    for (const int j : neighbours[i]) {
-      triplets.emplace_back(
-          i, j, -stiffness / static_cast<double>(neighbours[i].size()));
+    for (size_t k = 0; k < weights.size(); ++k) {
+      triplets.emplace_back(i, neighbours[i][k], -stiffness * weights[k] / sum);
     }
   }
   Eigen::SparseMatrix<double> laplacian(n, n);
@@ -168,7 +216,10 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
       SmoothnessMatrix(*body, options.sigma_smooth);
   const double magnitude =
       1 / (options.sigma_magnitude * options.sigma_magnitude);
-  for (int i = 0; i < n; ++i) smooth.coeffRef(i, i) += magnitude;
+  const std::vector<bool> thin = FindThin(*body);
+  for (int i = 0; i < n; ++i) {
+    smooth.coeffRef(i, i) += (thin[i] ? kThinStiffness : 1) * magnitude;
+  }
 
   const auto rim_error = [&](const Body& candidate) {
     double sum = 0;

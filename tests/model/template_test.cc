@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -15,6 +16,7 @@
 #include "model/cross_section.h"
 #include "model/input_error.h"
 #include "model/mesh.h"
+#include "model/self_intersection.h"
 #include "model/template_tables.h"
 
 namespace sweepfit {
@@ -356,22 +358,127 @@ TEST(TemplateTest, WeighsWhatTheTableSays) {
   EXPECT_NEAR(EnclosedVolume(MeshOf(Woman())) * kWaterLike, 67.8, 0.12 * 67.8);
 }
 
-TEST(TemplateTest, QuadsAreNotDegenerate) {
+TEST(TemplateTest, QuadsAreWellShaped) {
   for (const Body* body : {&Man(), &Woman()}) {
     const std::vector<Vector3d> vertices = RestVertices(*body);
     int sharp = 0;
+    int folded = 0;
+    double least = 180;
     for (const Quad& quad : body->topology.quads) {
-      double least = 180;
+      double least_here = 180;
+      Vector3d sum = Vector3d::Zero();
+      std::array<Vector3d, 4> normal;
       for (int i = 0; i < 4; ++i) {
-        least = std::min(least,
-                         CornerAngle(vertices[quad[(i + 3) % 4]],
-                                     vertices[quad[i]],
-                                     vertices[quad[(i + 1) % 4]]));
+        const Vector3d& before = vertices[quad[(i + 3) % 4]];
+        const Vector3d& at = vertices[quad[i]];
+        const Vector3d& after = vertices[quad[(i + 1) % 4]];
+        least_here = std::min(least_here, CornerAngle(before, at, after));
+        normal[i] = (after - at).cross(before - at);
+        sum += normal[i];
       }
-      if (least < 10) ++sharp;
+      least = std::min(least, least_here);
+      if (least_here < 20) ++sharp;
+      for (const Vector3d& n : normal) {
+        if (n.dot(sum) <= 0) {
+          ++folded;
+          break;
+        }
+      }
     }
-    EXPECT_LE(sharp, 8);
+    // Around the ears and at the arms' and fingers' roots a few are narrow.
+    EXPECT_LE(sharp, 40);
+    EXPECT_LE(folded, 8);
+    EXPECT_GT(least, 8);
   }
+}
+
+TEST(TemplateTest, DoesNotCutItself) {
+  for (const TemplateOptions& options : {TemplateOptions{0.0, 1.6285, 0},
+                                         TemplateOptions{0.5, 1.70, 0},
+                                         TemplateOptions{1.0, 1.7562, 0}}) {
+    EXPECT_EQ(SelfIntersections(MeshOf(BuildTemplate(options))).size(), 0u)
+        << "sex " << options.sex;
+  }
+}
+
+double DepthAt(const Body& body, double level) {
+  double front = -1, back = 1;
+  const double height = Floor(body) + level * body.stature;
+  for (const Vector3d& v : RestVertices(body)) {
+    if (std::abs(v.y() - height) > 0.008 * body.stature) continue;
+    if (std::abs(v.x()) > 0.12 * body.stature) continue;
+    front = std::max(front, v.z());
+    back = std::min(back, v.z());
+  }
+  return (front - back) / body.stature;
+}
+
+// ANSUR II, fractions of stature: chest, waist (omphalion), buttock.
+TEST(TemplateTest, DepthsOfTheTrunkFollowTheSurvey) {
+  EXPECT_NEAR(DepthAt(Man(), 0.7351), 0.1446, 0.008);
+  EXPECT_NEAR(DepthAt(Man(), 0.6014), 0.1355, 0.008);
+  EXPECT_NEAR(DepthAt(Man(), 0.5054), 0.1401, 0.008);
+  EXPECT_NEAR(DepthAt(Woman(), 0.7194), 0.1520, 0.010);
+  EXPECT_NEAR(DepthAt(Woman(), 0.6017), 0.1309, 0.008);
+  EXPECT_NEAR(DepthAt(Woman(), 0.5118), 0.1431, 0.008);
+}
+
+// The hip joint lies below and behind the front spines of the hip bones
+// (Harrington 2007: .24 of the pelvis' depth and 10 mm behind), that is in
+// front of the middle of the body's depth, near the plumb line through the
+// middle of the trunk (Kendall); the crotch is a hand's breadth below it.
+TEST(TemplateTest, HipJointsLieWhereAnatomyPutsThem) {
+  for (const Body* body : {&Man(), &Woman()}) {
+    const double stature = body->stature;
+    const Vector3d hip = RestFrames(body->skeleton).joint_in_world[kLHip];
+    double front = -1, back = 1, crotch = -1;
+    for (const Vector3d& v : RestVertices(*body)) {
+      if (std::abs(v.y() - hip.y()) < 0.008 * stature &&
+          std::abs(v.x()) < 0.12 * stature) {
+        front = std::max(front, v.z());
+        back = std::min(back, v.z());
+      }
+      const bool between_legs =
+          std::abs(v.x()) < 1e-9 && std::abs(v.z()) < 0.02 * stature;
+      if (between_legs && v.y() < hip.y()) crotch = std::max(crotch, v.y());
+    }
+    const double share = (front - hip.z()) / (front - back);
+    EXPECT_GT(share, 0.38);
+    EXPECT_LT(share, 0.52);
+    EXPECT_NEAR((hip.y() - crotch) / stature, 0.035, 0.012);
+  }
+}
+
+TEST(TemplateTest, EveryHandAndFootHasFiveDigits) {
+  // A digit's tip stands farther out than all vertices around it.
+  std::vector<std::vector<int>> neighbors(Man().num_vertices());
+  for (const Quad& quad : Man().topology.quads) {
+    for (int i = 0; i < 4; ++i) {
+      for (int k = 0; k < 4; ++k) {
+        if (k != i) neighbors[quad[i]].push_back(quad[k]);
+      }
+    }
+  }
+  const std::vector<Vector3d> vertices = RestVertices(Man());
+  const auto joint = RestFrames(Man().skeleton).joint_in_world;
+  auto count_tips = [&](BodyPart part, const Vector3d& root, double from) {
+    int tips = 0;
+    for (int v = 0; v < Man().num_vertices(); ++v) {
+      if (Man().topology.part[v] != part) continue;
+      const double reach = (vertices[v] - root).norm();
+      if (reach < from) continue;
+      const bool is_tip =
+          std::all_of(neighbors[v].begin(), neighbors[v].end(), [&](int n) {
+            return (vertices[n] - root).norm() < reach;
+          });
+      if (is_tip) ++tips;
+    }
+    return tips;
+  };
+  const double hand = (joint[kLHandEnd] - joint[kLWrist]).norm();
+  const double foot = (joint[kLFootEnd] - joint[kLAnkle]).norm();
+  EXPECT_EQ(count_tips(BodyPart::kLHand, joint[kLWrist], 0.5 * hand), 5);
+  EXPECT_EQ(count_tips(BodyPart::kRFoot, joint[kRAnkle], 0.6 * foot), 5);
 }
 
 TEST(TemplateTest, ChartsFillTheUnitSquareWithoutOverlap) {
