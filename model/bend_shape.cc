@@ -134,7 +134,7 @@ SectionMap MapAt(const SweepAxis::Corner& corner,
 }  // namespace
 
 BendZones::BendZones(const Sweep& sweep, const SweepAxis& rest_axis)
-    : rest_axis_(rest_axis) {
+    : rest_axis_(rest_axis), swells_(sweep.chain.front() != kRoot) {
   corner_.resize(rest_axis.num_corners());
   for (int k = 0; k < rest_axis.num_corners(); ++k) {
     const SweepAxis::Corner& corner = rest_axis.corner(k);
@@ -195,7 +195,7 @@ void BendShape::SolveCorner(int index) {
   const SweepAxis::Corner& corner = axis_.corner(index);
   Profile& profile = profile_[index];
   profile.cot_half = CotHalf(corner);
-  if (profile.cot_half == 0) return;
+  if (profile.cot_half == 0 || !zones_.swells_) return;
 
   const std::vector<BendZones::Section>& sections = zones_.corner_[index];
   const int count = static_cast<int>(sections.size());
@@ -291,6 +291,7 @@ void BendShape::SolveCorner(int index) {
 double BendShape::Swell(int corner, double u) const {
   const std::vector<double>& swell = profile_[corner].swell;
   const int count = static_cast<int>(swell.size());
+  if (count == 0) return 0;
   const double position =
       (u - corner) * kSamplesPerBone - 0.5;  // in samples from the first
   const int below = static_cast<int>(std::floor(position));

@@ -32,6 +32,10 @@ namespace sweepfit {
 // or not). It is then smoothed along u and its amplitude set so that the whole
 // corner keeps its volume to rounding, within bounds of s.
 //
+// Only limbs swell. The axis of the trunk, a sweep from the root, lies far from
+// its centroid; keeping every slice's volume would move the belly by
+// centimetres for a slight lean, where people keep their shape.
+//
 // Where the axis is bent at rest already, what the limit takes from the rest
 // shape is given back, so that the rest posture stays as it is.
 
@@ -58,6 +62,7 @@ class BendZones {
     double volume_by_u;      // dV/du / length of the bone, square metres
   };
   const SweepAxis& rest_axis_;
+  bool swells_;
   std::vector<std::vector<Section>> corner_;  // sections, ascending u
 };
 
