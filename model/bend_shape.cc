@@ -135,6 +135,10 @@ SectionMap MapAt(const SweepAxis::Corner& corner,
 
 BendZones::BendZones(const Sweep& sweep, const SweepAxis& rest_axis)
     : rest_axis_(rest_axis), swells_(sweep.chain.front() != kRoot) {
+  for (int k = 0; k < rest_axis.num_corners(); ++k) {
+    const int joint = sweep.chain[k + 1];
+    is_limited_.push_back(joint != kNeck && joint != kHead);
+  }
   corner_.resize(rest_axis.num_corners());
   for (int k = 0; k < rest_axis.num_corners(); ++k) {
     const SweepAxis::Corner& corner = rest_axis.corner(k);
@@ -176,7 +180,9 @@ Vector2d BendZones::RestChange(double u,
     const double from_joint = u - (k + 1);
     const SweepAxis::Corner& corner = rest_axis_.corner(k);
     const double cot_half = CotHalf(corner);
-    if (cot_half == 0 || std::abs(from_joint) >= 1) continue;
+    if (cot_half == 0 || !is_limited_[k] || std::abs(from_joint) >= 1) {
+      continue;
+    }
     const Eigen::Matrix2d to_hinge = InwardAndHinge(world_from_section, corner);
     const Vector2d in_hinge = to_hinge * point;
     const SectionMap map =
@@ -194,6 +200,7 @@ BendShape::BendShape(const BendZones& zones, const SweepAxis& posed_axis)
 void BendShape::SolveCorner(int index) {
   const SweepAxis::Corner& corner = axis_.corner(index);
   Profile& profile = profile_[index];
+  if (!zones_.is_limited_[index]) return;
   profile.cot_half = CotHalf(corner);
   if (profile.cot_half == 0 || !zones_.swells_) return;
 

@@ -33,8 +33,9 @@ namespace sweepfit {
 // corner keeps its volume to rounding, within bounds of s.
 //
 // Only limbs swell. The axis of the trunk, a sweep from the root, lies far from
-// its centroid; keeping every slice's volume would move the belly by
-// centimetres for a slight lean, where people keep their shape.
+// its centroid: keeping every slice's volume would move the belly by
+// centimetres for a slight lean. Beside the short bones of neck and head the
+// limit would cut off the skull, so there is none.
 //
 // Where the axis is bent at rest already, what the limit takes from the rest
 // shape is given back, so that the rest posture stays as it is.
@@ -63,6 +64,7 @@ class BendZones {
   };
   const SweepAxis& rest_axis_;
   bool swells_;
+  std::vector<bool> is_limited_;              // per corner
   std::vector<std::vector<Section>> corner_;  // sections, ascending u
 };
 

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "model/bend_shape.h"
+#include "model/rigid_motion.h"
 #include "model/unfold.h"
 
 namespace sweepfit {
@@ -133,35 +134,6 @@ SweepAttachment Attach(const Eigen::Vector3d& point,
 }
 
 // ----------------------------------------------------------------- posing
-
-// x -> rotation x + translation.
-using RigidMotion = VertexMotion;
-
-// Sums rigid motions as dual quaternions.
-class MotionBlend {
- public:
-  void Add(double weight, const RigidMotion& motion) {
-    const Eigen::Quaterniond real(motion.rotation);
-    const Eigen::Vector3d& t = motion.translation;
-    const Eigen::Quaterniond dual =
-        Eigen::Quaterniond(0, t.x() / 2, t.y() / 2, t.z() / 2) * real;
-    // q and -q are the same motion; the first one decides.
-    if (real_.dot(real.coeffs()) < 0) weight = -weight;
-    real_ += weight * real.coeffs();
-    dual_ += weight * dual.coeffs();
-  }
-
-  RigidMotion Normalized() const {
-    const double norm = real_.norm();
-    const Eigen::Quaterniond real(Eigen::Vector4d(real_ / norm));
-    const Eigen::Quaterniond dual(Eigen::Vector4d(dual_ / norm));
-    return {real.toRotationMatrix(), 2 * (dual * real.conjugate()).vec()};
-  }
-
- private:
-  Eigen::Vector4d real_ = Eigen::Vector4d::Zero();
-  Eigen::Vector4d dual_ = Eigen::Vector4d::Zero();
-};
 
 int NumAttachments(const Binding& binding) {
   int count = 0;

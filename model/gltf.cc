@@ -8,7 +8,10 @@
 #include <cmath>
 #include <sstream>
 
+#include "model/correctives.h"
+#include "model/export_names.h"
 #include "model/file_io.h"
+#include "model/helper_joints.h"
 #include "model/input_error.h"
 #include "model/mesh.h"
 
@@ -121,32 +124,56 @@ class Buffer {
   std::vector<unsigned char> bytes_;
 };
 
-// The joints become nodes 0 to 20 in skeleton order, unrotated at rest.
-void AddJointNodes(const JointFrames& rest, tinygltf::Model* model) {
+// The name of a helper beside that of the joint it hangs on.
+std::string HelperName(const HelperJoint& helper,
+                       const std::array<std::string, kNumJoints>& names) {
+  const std::string own(kJointNames[helper.parent]);
+  CHECK(helper.name.starts_with(own)) << helper.name;
+  return names[helper.parent] + helper.name.substr(own.size());
+}
+
+// The joints become nodes 0 to 20 in skeleton order, unrotated at rest, and
+// the helpers follow.
+void AddJointNodes(const JointFrames& rest,
+                   const std::vector<HelperJoint>& helpers,
+                   const std::array<std::string, kNumJoints>& names,
+                   tinygltf::Model* model) {
+  const auto add =
+      [&](const std::string& name, int parent, Eigen::Vector3d offset) {
+        const int index = static_cast<int>(model->nodes.size());
+        tinygltf::Node node;
+        node.name = name;
+        if (parent >= 0) {
+          offset -= rest.joint_in_world[parent];
+          model->nodes[parent].children.push_back(index);
+        }
+        node.translation = {offset.x(), offset.y(), offset.z()};
+        model->nodes.push_back(node);
+      };
   for (int j = 0; j < kNumJoints; ++j) {
-    tinygltf::Node node;
-    node.name = std::string(kJointNames[j]);
-    const int parent = kJointParents[j];
-    Eigen::Vector3d offset = rest.joint_in_world[j];
-    if (parent >= 0) {
-      offset -= rest.joint_in_world[parent];
-      model->nodes[parent].children.push_back(j);
-    }
-    node.translation = {offset.x(), offset.y(), offset.z()};
-    model->nodes.push_back(node);
+    add(names[j], kJointParents[j], rest.joint_in_world[j]);
+  }
+  for (const HelperJoint& helper : helpers) {
+    add(HelperName(helper, names), helper.parent, helper.joint_in_rest);
   }
 }
 
-int AddSkin(const JointFrames& rest, Buffer* buffer, tinygltf::Model* model) {
+int AddSkin(const JointFrames& rest,
+            const std::vector<HelperJoint>& helpers,
+            Buffer* buffer,
+            tinygltf::Model* model) {
   std::vector<float> inverse_bind;
   tinygltf::Skin skin;
   skin.name = "skeleton";
   skin.skeleton = kRoot;
-  for (int j = 0; j < kNumJoints; ++j) {
+  const int num_joints = kNumJoints + static_cast<int>(helpers.size());
+  for (int j = 0; j < num_joints; ++j) {
     skin.joints.push_back(j);
+    const Eigen::Vector3d& joint_in_world =
+        j < kNumJoints ? rest.joint_in_world[j]
+                       : helpers[j - kNumJoints].joint_in_rest;
     Eigen::Matrix4f joint_from_world = Eigen::Matrix4f::Identity();
-    joint_from_world.topRightCorner<3, 1>() =
-        -rest.joint_in_world[j].cast<float>();
+    joint_from_world.topRightCorner<3, 1>() = -joint_in_world.cast<float>();
     inverse_bind.insert(inverse_bind.end(),
                         joint_from_world.data(),
                         joint_from_world.data() + 16);  // column major, both
@@ -186,9 +213,58 @@ void Append(const Eigen::Vector3d& value, std::vector<float>* out) {
   for (int i = 0; i < 3; ++i) out->push_back(static_cast<float>(value[i]));
 }
 
+// A morph target: position offsets, sparse, since most vertices stay.
+int AddMorphTarget(const std::vector<Eigen::Vector3d>& offset,
+                   const SplitMesh& mesh,
+                   Buffer* buffer,
+                   tinygltf::Model* model) {
+  constexpr double kVisible = 5e-5;  // metres
+  std::vector<std::uint32_t> indices;
+  std::vector<float> values;
+  for (std::size_t i = 0; i < mesh.body_vertex.size(); ++i) {
+    const Eigen::Vector3d& d = offset[mesh.body_vertex[i]];
+    if (d.norm() < kVisible) continue;
+    indices.push_back(static_cast<std::uint32_t>(i));
+    Append(d, &values);
+  }
+  if (indices.empty()) {  // a sparse accessor needs an entry
+    indices.push_back(0);
+    values.assign(3, 0);
+  }
+  tinygltf::Accessor accessor;
+  accessor.componentType = TINYGLTF_COMPONENT_TYPE_FLOAT;
+  accessor.type = TINYGLTF_TYPE_VEC3;
+  accessor.count = mesh.body_vertex.size();
+  const bool is_dense = indices.size() == mesh.body_vertex.size();
+  accessor.minValues.assign(3, is_dense ? values[0] : 0);
+  accessor.maxValues = accessor.minValues;
+  for (int c = 0; is_dense && c < 3; ++c) {
+    accessor.minValues[c] = accessor.maxValues[c] = values[c];
+  }
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    double& low = accessor.minValues[i % 3];
+    double& high = accessor.maxValues[i % 3];
+    low = std::min<double>(low, values[i]);
+    high = std::max<double>(high, values[i]);
+  }
+  accessor.sparse.isSparse = true;
+  accessor.sparse.count = static_cast<int>(indices.size());
+  accessor.sparse.indices.bufferView = buffer->AddView(
+      indices.data(), indices.size() * sizeof(indices[0]), /*target=*/0);
+  accessor.sparse.indices.byteOffset = 0;
+  accessor.sparse.indices.componentType = TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT;
+  accessor.sparse.values.bufferView = buffer->AddView(
+      values.data(), values.size() * sizeof(values[0]), /*target=*/0);
+  accessor.sparse.values.byteOffset = 0;
+  model->accessors.push_back(accessor);
+  return static_cast<int>(model->accessors.size()) - 1;
+}
+
 tinygltf::Primitive BuildPrimitive(const Body& body,
                                    const SkinWeights& weights,
-                                   Buffer* buffer) {
+                                   const std::vector<Correctives>& correctives,
+                                   Buffer* buffer,
+                                   tinygltf::Model* model) {
   const std::vector<Eigen::Vector3d> rest = RestVertices(body);
   const std::vector<Eigen::Vector3d> normals =
       VertexNormals({rest, TriangulateQuads(body.topology.quads, rest)});
@@ -230,6 +306,12 @@ tinygltf::Primitive BuildPrimitive(const Body& body,
                   kVertices);
   primitive.attributes["WEIGHTS_0"] =
       buffer->Add(weights_out, kFloat, TINYGLTF_TYPE_VEC4, kVertices);
+  for (const Correctives& clip : correctives) {
+    for (const std::vector<Eigen::Vector3d>& target : clip.target) {
+      primitive.targets.push_back(
+          {{"POSITION", AddMorphTarget(target, mesh, buffer, model)}});
+    }
+  }
   return primitive;
 }
 
@@ -339,48 +421,147 @@ void AddChannel(int joint,
   animation->channels.push_back(channel);
 }
 
-// Rotations of all joints, and translations of those that move in their
-// parent's frame: the root, and shoulders whose collar bone turns.
-void AddAnimation(const Clip& clip,
-                  const Skeleton& skeleton,
+bool IsConstant(const std::vector<float>& keys,
+                const std::vector<float>& value) {
+  constexpr float kSame = 1e-6f;
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    if (std::abs(keys[i] - value[i % value.size()]) > kSame) return false;
+  }
+  return true;
+}
+
+// Writes one clip's channels.
+class AnimationWriter {
+ public:
+  AnimationWriter(const Body& body,
+                  const std::vector<HelperJoint>& helpers,
+                  const Clip& clip,
                   const std::string& path,
-                  Buffer* buffer,
-                  tinygltf::Model* model) {
-  constexpr int kFloat = TINYGLTF_COMPONENT_TYPE_FLOAT;
-  tinygltf::Animation animation;
-  animation.name = clip.name;
-  const int times = buffer->Add(KeyTimes(clip, path),
-                                kFloat,
-                                TINYGLTF_TYPE_SCALAR,
-                                /*target=*/0,
-                                /*with_bounds=*/true);
-  std::vector<int> moving = {kRoot};
-  if (MovesCollar(clip, 0)) moving.push_back(kLShoulder);
-  if (MovesCollar(clip, 1)) moving.push_back(kRShoulder);
-  for (const int joint : moving) {
-    AddChannel(joint,
-               "translation",
-               times,
-               buffer->Add(TranslationKeys(clip, skeleton, joint),
-                           kFloat,
-                           TINYGLTF_TYPE_VEC3,
-                           0),
-               &animation);
+                  Buffer* buffer)
+      : body_(body), helpers_(helpers), clip_(clip), buffer_(buffer) {
+    animation_.name = clip.name;
+    times_ = buffer->Add(KeyTimes(clip, path),
+                         TINYGLTF_COMPONENT_TYPE_FLOAT,
+                         TINYGLTF_TYPE_SCALAR,
+                         /*target=*/0,
+                         /*with_bounds=*/true);
   }
-  for (int j = 0; j < kNumJoints; ++j) {
-    AddChannel(
-        j,
-        "rotation",
-        times,
-        buffer->Add(RotationKeys(clip, j), kFloat, TINYGLTF_TYPE_VEC4, 0),
-        &animation);
+
+  // Rotations of all joints, and translations of those that move in their
+  // parent's frame: the root, and shoulders whose collar bone turns.
+  void AddJoints() {
+    std::vector<int> moving = {kRoot};
+    if (MovesCollar(clip_, 0)) moving.push_back(kLShoulder);
+    if (MovesCollar(clip_, 1)) moving.push_back(kRShoulder);
+    for (const int joint : moving) {
+      Add(joint,
+          "translation",
+          TranslationKeys(clip_, body_.skeleton, joint),
+          TINYGLTF_TYPE_VEC3);
+    }
+    for (int j = 0; j < kNumJoints; ++j) {
+      Add(j, "rotation", RotationKeys(clip_, j), TINYGLTF_TYPE_VEC4);
+    }
   }
-  model->animations.push_back(animation);
+
+  // The helpers' motion in the frames of the joints they hang on, where there
+  // is any.
+  void AddHelpers() {
+    if (helpers_.empty()) return;
+    const JointFrames rest = RestFrames(body_.skeleton);
+    const JointMotions joint_motions(body_, helpers_);
+    std::vector<std::vector<RigidMotion>> motions;
+    for (const Pose& pose : clip_.pose)
+      motions.push_back(joint_motions.At(pose));
+    for (std::size_t h = 0; h < helpers_.size(); ++h) {
+      const HelperJoint& helper = helpers_[h];
+      std::vector<float> rotations, translations;
+      Eigen::Quaterniond previous = Eigen::Quaterniond::Identity();
+      for (const std::vector<RigidMotion>& motion : motions) {
+        const RigidMotion& parent = motion[helper.parent];
+        const RigidMotion& own = motion[kNumJoints + h];
+        const Eigen::Matrix3d parent_from_world = parent.rotation.transpose();
+        Eigen::Quaterniond rotation(
+            Eigen::Matrix3d(parent_from_world * own.rotation));
+        rotation.normalize();
+        if (rotation.dot(previous) < 0) rotation.coeffs() *= -1;
+        previous = rotation;
+        for (int i = 0; i < 4; ++i) {
+          rotations.push_back(static_cast<float>(rotation.coeffs()[i]));
+        }
+        Append(
+            parent_from_world * (own * helper.joint_in_rest -
+                                 parent * rest.joint_in_world[helper.parent]),
+            &translations);
+      }
+      const int node = kNumJoints + static_cast<int>(h);
+      std::vector<float> offset;
+      Append(helper.joint_in_rest - rest.joint_in_world[helper.parent],
+             &offset);
+      if (!IsConstant(rotations, {0, 0, 0, 1})) {
+        Add(node, "rotation", rotations, TINYGLTF_TYPE_VEC4);
+      }
+      if (!IsConstant(translations, offset)) {
+        Add(node, "translation", translations, TINYGLTF_TYPE_VEC3);
+      }
+    }
+  }
+
+  // Weights of all targets of the file; those of other clips stay 0.
+  void AddMorphs(int node,
+                 const Correctives& own,
+                 std::size_t first,
+                 std::size_t count) {
+    if (count == 0) return;
+    std::vector<float> keys;
+    for (const std::vector<double>& weights : own.weight) {
+      for (std::size_t t = 0; t < count; ++t) {
+        const bool is_own = t >= first && t < first + own.target.size();
+        keys.push_back(is_own ? static_cast<float>(weights[t - first]) : 0);
+      }
+    }
+    Add(node, "weights", keys, TINYGLTF_TYPE_SCALAR);
+  }
+
+  tinygltf::Animation Finish() { return std::move(animation_); }
+
+ private:
+  void Add(int node,
+           const std::string& target_path,
+           const std::vector<float>& keys,
+           int type) {
+    AddChannel(node,
+               target_path,
+               times_,
+               buffer_->Add(keys, TINYGLTF_COMPONENT_TYPE_FLOAT, type, 0),
+               &animation_);
+  }
+
+  const Body& body_;
+  const std::vector<HelperJoint>& helpers_;
+  const Clip& clip_;
+  Buffer* buffer_;
+  tinygltf::Animation animation_;
+  int times_ = -1;
+};
+
+// Names of the targets where programs look for them.
+tinygltf::Value TargetNames(const std::vector<Clip>& clips,
+                            const std::vector<Correctives>& correctives) {
+  tinygltf::Value::Array names;
+  for (std::size_t c = 0; c < clips.size(); ++c) {
+    for (std::size_t t = 0; t < correctives[c].target.size(); ++t) {
+      names.emplace_back(clips[c].name + "_" + std::to_string(t));
+    }
+  }
+  return tinygltf::Value(
+      tinygltf::Value::Object{{"targetNames", tinygltf::Value(names)}});
 }
 
 tinygltf::Model BuildModel(const Body& body,
                            const SkinWeights& weights,
                            const std::vector<Clip>& clips,
+                           const std::vector<Correctives>& correctives,
                            const GltfOptions& options,
                            const std::string& path) {
   tinygltf::Model model;
@@ -388,27 +569,42 @@ tinygltf::Model BuildModel(const Body& body,
   model.asset.generator = "sweepfit";
   Buffer buffer(&model);
   const JointFrames rest = RestFrames(body.skeleton);
-  AddJointNodes(rest, &model);
+  AddJointNodes(rest, weights.helpers, ExportNames(options.names), &model);
 
   tinygltf::Mesh mesh;
   mesh.name = options.mesh_name;
-  mesh.primitives.push_back(BuildPrimitive(body, weights, &buffer));
+  mesh.primitives.push_back(
+      BuildPrimitive(body, weights, correctives, &buffer, &model));
+  const std::size_t num_targets = mesh.primitives.back().targets.size();
+  if (num_targets > 0) {
+    mesh.weights.assign(num_targets, 0.0);
+    mesh.extras = TargetNames(clips, correctives);
+  }
   model.meshes.push_back(mesh);
   // Viewers ignore the transform of a skinned mesh's node: keep it at the root.
   tinygltf::Node node;
   node.name = options.mesh_name;
   node.mesh = 0;
-  node.skin = AddSkin(rest, &buffer, &model);
+  node.skin = AddSkin(rest, weights.helpers, &buffer, &model);
   model.nodes.push_back(node);
+  const int mesh_node = static_cast<int>(model.nodes.size()) - 1;
   tinygltf::Scene scene;
   scene.name = "scene";
-  scene.nodes = {static_cast<int>(model.nodes.size()) - 1, kRoot};
+  scene.nodes = {mesh_node, kRoot};
   model.scenes.push_back(scene);
   model.defaultScene = 0;
 
   AddMaterial(options.texture_png, &buffer, &model);
-  for (const Clip& clip : clips) {
-    AddAnimation(clip, body.skeleton, path, &buffer, &model);
+  std::size_t first_target = 0;
+  for (std::size_t c = 0; c < clips.size(); ++c) {
+    AnimationWriter writer(body, weights.helpers, clips[c], path, &buffer);
+    writer.AddJoints();
+    writer.AddHelpers();
+    if (!correctives.empty()) {
+      writer.AddMorphs(mesh_node, correctives[c], first_target, num_targets);
+      first_target += correctives[c].target.size();
+    }
+    model.animations.push_back(writer.Finish());
   }
   buffer.Finish();
   return model;
@@ -416,15 +612,31 @@ tinygltf::Model BuildModel(const Body& body,
 
 }  // namespace
 
-void SaveGlb(const Body& body,
-             const SkinWeights& weights,
-             const std::vector<Clip>& clips,
-             const GltfOptions& options,
-             const std::string& path) {
+std::vector<ClipReport> SaveGlb(const Body& body,
+                                const SkinWeights& weights,
+                                const std::vector<Clip>& clips,
+                                const GltfOptions& options,
+                                const std::string& path) {
   CHECK_EQ(weights.joint.size(), body.binding.size());
   CHECK_EQ(weights.weight.size(), body.binding.size());
   CHECK_EQ(body.topology.uv.size(), body.topology.quads.size());
-  const tinygltf::Model model = BuildModel(body, weights, clips, options, path);
+  std::vector<Correctives> correctives;
+  std::vector<ClipReport> reports;
+  for (const Clip& clip : clips) {
+    KeyTimes(clip, path);  // bad clips are told before work is done for them
+    if (!options.correctives) continue;
+    correctives.push_back(
+        BakeCorrectives(body, weights, clip.pose, CorrectiveOptions()));
+    const Correctives& c = correctives.back();
+    reports.push_back({clip.name,
+                       static_cast<int>(c.target.size()),
+                       c.rms_without,
+                       c.max_without,
+                       c.rms_with,
+                       c.max_with});
+  }
+  const tinygltf::Model model =
+      BuildModel(body, weights, clips, correctives, options, path);
   std::ostringstream stream;
   tinygltf::TinyGLTF writer;
   if (!writer.WriteGltfSceneToStream(
@@ -432,6 +644,7 @@ void SaveGlb(const Body& body,
     throw InputError(path + ": cannot be written");
   }
   WriteWholeFile(stream.str(), path);
+  return reports;
 }
 
 }  // namespace sweepfit

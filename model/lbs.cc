@@ -6,110 +6,39 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
-#include <random>
+#include <string>
 #include <utility>
+
+#include "model/joint_limits.h"
 
 namespace sweepfit {
 namespace {
 
-constexpr int kMaxCandidates = 6;
+constexpr int kMaxCandidates = 10;
+// Joints and helpers.
+constexpr int kMaxSkinJoints = 64;
 constexpr int kMaxInfluences = 4;
 // Weights below this are noise: a tenth of a metre of relative motion would
 // show a tenth of a millimetre.
 constexpr double kNegligibleWeight = 1e-3;
 // Neighbours whose weights differ by 1 are as bad as this share of the stature
 // of position error in every pose.
-constexpr double kSmoothnessShare = 0.02;
-constexpr int kSmoothingPasses = 8;
+constexpr double kSmoothnessShare = 0.01;
+constexpr int kSmoothingPasses = 4;
+// Passes in which larger errors count more.
+constexpr int kReweightings = 4;
+// Squared errors below this all count alike, square metres.
+constexpr double kErrorFloor = 1e-6;
 // Left and right count as mirror images below this, metres.
 constexpr double kSymmetryTolerance = 1e-6;
 
-using Vector6 = Eigen::Matrix<double, kMaxCandidates, 1>;
-using Matrix6 = Eigen::Matrix<double, kMaxCandidates, kMaxCandidates>;
-using JointWeights = std::array<double, kNumJoints>;
+using CandidateVector = Eigen::Matrix<double, kMaxCandidates, 1>;
+using CandidateMatrix = Eigen::Matrix<double, kMaxCandidates, kMaxCandidates>;
+using JointWeights = std::array<double, kMaxSkinJoints>;
+using JointSet = std::array<bool, kMaxSkinJoints>;
 
 // ---------------------------------------------------------------------------
 // Sampled poses
-
-// How far a joint turns, degrees: `flex` takes the bone that starts there
-// towards `flex_towards`, `side` takes it towards the outside of the body,
-// `twist` turns it about itself.
-struct JointRange {
-  int joint;
-  Eigen::Vector3d flex_towards;
-  double flex_min, flex_max;
-  double side_min, side_max;
-  double twist_max;
-};
-
-const std::vector<JointRange>& JointRanges() {
-  const Eigen::Vector3d up(0, 1, 0), front(0, 0, 1), back(0, 0, -1);
-  static const auto* ranges = new std::vector<JointRange>{
-      {kSpine, front, -20, 45, -25, 25, 30},
-      {kNeck, front, -20, 30, -20, 20, 30},
-      {kHead, front, -30, 40, -25, 25, 50},
-      {kLShoulder, front, -40, 100, -45, 100, 60},
-      {kLElbow, front, 0, 135, 0, 0, 20},
-      {kLWrist, front, -60, 60, -20, 20, 70},
-      {kLHip, front, -20, 100, -15, 40, 30},
-      {kLKnee, back, 0, 130, 0, 0, 10},
-      {kLAnkle, up, -40, 20, -15, 15, 15},
-      {kRShoulder, front, -40, 100, -45, 100, 60},
-      {kRElbow, front, 0, 135, 0, 0, 20},
-      {kRWrist, front, -60, 60, -20, 20, 70},
-      {kRHip, front, -20, 100, -15, 40, 30},
-      {kRKnee, back, 0, 130, 0, 0, 10},
-      {kRAnkle, up, -40, 20, -15, 15, 15},
-  };
-  return *ranges;
-}
-
-// The joint that ends the bone which this joint turns. Of several, the one
-// that continues the axis of the body.
-int MainChild(int joint) {
-  for (int child = joint + 1; child < kNumJoints; ++child) {
-    if (kJointParents[child] == joint) return child;
-  }
-  return -1;
-}
-
-bool HasChildren(int joint) { return MainChild(joint) >= 0; }
-
-bool IsRightSide(int joint) { return MirrorJoint(joint) < joint; }
-
-// Rotation by `angle` about the axis that takes `from` towards `towards`.
-Eigen::Quaterniond Towards(const Eigen::Vector3d& from,
-                           const Eigen::Vector3d& towards,
-                           double angle) {
-  Eigen::Vector3d axis = from.cross(towards);
-  if (axis.norm() < 1e-6) axis = from.unitOrthogonal();
-  return Eigen::Quaterniond(Eigen::AngleAxisd(angle, axis.normalized()));
-}
-
-constexpr double kRadians = std::numbers::pi / 180;
-
-// Rotation of one joint from its three angles in degrees.
-Eigen::Quaterniond JointRotation(const Skeleton& skeleton,
-                                 const JointRange& range,
-                                 const std::array<double, 3>& degrees) {
-  const Eigen::Vector3d bone =
-      skeleton.rest_direction[MainChild(range.joint)].normalized();
-  const Eigen::Vector3d outside(IsRightSide(range.joint) ? -1 : 1, 0, 0);
-  return Towards(bone, range.flex_towards, degrees[0] * kRadians) *
-         Towards(bone, outside, degrees[1] * kRadians) *
-         Eigen::Quaterniond(Eigen::AngleAxisd(degrees[2] * kRadians, bone));
-}
-
-// Rotation of a collar bone that lifts the shoulder and brings it forward.
-Eigen::Quaterniond CollarRotation(const Skeleton& skeleton,
-                                  int shoulder,
-                                  double lift_degrees,
-                                  double forward_degrees) {
-  const Eigen::Vector3d& bone = skeleton.rest_direction[shoulder];
-  return Towards(bone, Eigen::Vector3d::UnitZ(), forward_degrees * kRadians) *
-         Towards(bone, Eigen::Vector3d::UnitY(), lift_degrees * kRadians);
-}
 
 // The posture reflected at the plane x = 0.
 Pose MirrorPose(const Pose& pose) {
@@ -126,44 +55,22 @@ Pose MirrorPose(const Pose& pose) {
   return mirrored;
 }
 
-// Postures in mirrored pairs: in the first third every joint turns about one
-// of its axes by half or all of its range, in the others about all of them by
-// random angles; collar bones turn in all. The root stays: blending with
-// weights that sum to 1 commutes with rigid motion of the whole body.
+// Postures within the joint limits, in mirrored pairs: a third with one joint
+// at a limit, the others random. The root stays: blending with weights that sum
+// to 1 commutes with rigid motion of the whole body.
 std::vector<Pose> SamplePoses(const Skeleton& skeleton,
                               int num_poses,
                               unsigned seed) {
-  std::mt19937 generator(seed);
-  // Own mapping to [0, 1): that of the standard library is not specified.
-  const auto uniform = [&generator] { return generator() / 4294967296.0; };
+  const JointLimits limits(skeleton);
   const int num_pairs = std::max(1, (num_poses + 1) / 2);
-  const int num_single_axis = std::max(1, num_pairs / 3);
+  const int num_single = num_pairs / 3;
+  std::vector<Pose> chosen = limits.RandomPoses(num_pairs - num_single, seed);
+  const std::vector<Pose> single = limits.LimitPoses();
+  for (int i = 0; i < num_single; ++i) {
+    chosen.push_back(single[i * single.size() / num_single]);
+  }
   std::vector<Pose> poses;
-  for (int i = 0; i < num_pairs; ++i) {
-    Pose pose;
-    for (const JointRange& range : JointRanges()) {
-      const std::array<double, 3> low = {
-          range.flex_min, range.side_min, -range.twist_max};
-      const std::array<double, 3> high = {
-          range.flex_max, range.side_max, range.twist_max};
-      std::array<double, 3> degrees = {0, 0, 0};
-      if (i < num_single_axis) {
-        const int axis = (i + range.joint) % 3;
-        const double share = uniform() < 0.5 ? 0.5 : 1.0;
-        degrees[axis] = share * (uniform() < 0.5 ? low[axis] : high[axis]);
-      } else {
-        for (int axis = 0; axis < 3; ++axis) {
-          degrees[axis] = low[axis] + uniform() * (high[axis] - low[axis]);
-        }
-      }
-      pose.rotation[range.joint] = JointRotation(skeleton, range, degrees);
-    }
-    for (int side = 0; side < 2; ++side) {
-      const double lift = -5 + 30 * uniform();
-      const double forward = -10 + 25 * uniform();
-      pose.collar[side] = CollarRotation(
-          skeleton, side == 0 ? kLShoulder : kRShoulder, lift, forward);
-    }
+  for (const Pose& pose : chosen) {
     poses.push_back(pose);
     poses.push_back(MirrorPose(pose));
   }
@@ -171,50 +78,33 @@ std::vector<Pose> SamplePoses(const Skeleton& skeleton,
 }
 
 // ---------------------------------------------------------------------------
-// Bone motions
-
-struct RigidMotion {
-  Eigen::Matrix3d rotation;
-  Eigen::Vector3d translation;
-};
-using BoneMotions = std::array<RigidMotion, kNumJoints>;
-
-// How each joint carries points from rest to the posture: T_j T_j,rest^-1.
-BoneMotions MotionsFromRest(const Skeleton& skeleton, const Pose& pose) {
-  const JointFrames rest = RestFrames(skeleton);
-  const JointFrames posed = ForwardKinematics(skeleton, pose);
-  BoneMotions motions;
-  for (int j = 0; j < kNumJoints; ++j) {
-    motions[j].rotation =
-        posed.world_from_joint[j] * rest.world_from_joint[j].transpose();
-    motions[j].translation =
-        posed.joint_in_world[j] - motions[j].rotation * rest.joint_in_world[j];
-  }
-  return motions;
-}
-
-// ---------------------------------------------------------------------------
 // Candidates
 
-// The joints that may move one vertex, at most six, most plausible first.
+// The joints that may move one vertex, most plausible first.
 struct Candidates {
   int count = 0;
   std::array<int, kMaxCandidates> joint{};
-
-  int Find(int wanted) const {
-    for (int i = 0; i < count; ++i) {
-      if (joint[i] == wanted) return i;
-    }
-    return -1;
-  }
 };
+
+bool HasChildren(int joint) {
+  for (int child = joint + 1; child < kNumJoints; ++child) {
+    if (kJointParents[child] == joint) return true;
+  }
+  return false;
+}
 
 // A joint turns the bone that starts there, so bone k of a chain belongs to
 // chain[k]; its neighbours in the chain and the parent of the chain matter
-// where bones meet and where twist is spread.
-Candidates FindCandidates(const Body& body, int vertex) {
+// where bones meet and where twist is spread. Helpers matter near their
+// section, those that blend sweeps to vertices that do.
+Candidates FindCandidates(const Body& body,
+                          const std::vector<HelperJoint>& helpers,
+                          int vertex) {
+  // Parameters of distance that halve the score.
+  constexpr double kNear = 0.1;
   JointWeights score{};
-  for (const SweepAttachment& attachment : body.binding[vertex].attachment) {
+  const auto& attachments = body.binding[vertex].attachment;
+  for (const SweepAttachment& attachment : attachments) {
     if (attachment.sweep < 0 || attachment.weight <= 0) continue;
     const Sweep& sweep = body.sweeps[attachment.sweep];
     const int num_bones = sweep.num_bones();
@@ -226,22 +116,38 @@ Candidates FindCandidates(const Body& body, int vertex) {
       const double distance =
           std::max({0.0, bone - attachment.u, attachment.u - (bone + 1)});
       if (distance > 1) continue;
-      score[joint] += attachment.weight / (0.1 + distance);
+      score[joint] += attachment.weight / (kNear + distance);
     }
   }
+  for (std::size_t h = 0; h < helpers.size(); ++h) {
+    double lowest = 1e9;
+    for (const HelperJoint::Source& source : helpers[h].sources) {
+      double here = 0;
+      for (const SweepAttachment& attachment : attachments) {
+        if (attachment.sweep != source.sweep || attachment.weight <= 0) {
+          continue;
+        }
+        const double distance = helpers[h].sources.size() > 1
+                                    ? 0
+                                    : std::abs(attachment.u - source.u);
+        if (distance <= 1) here += attachment.weight / (kNear + distance);
+      }
+      lowest = std::min(lowest, here);
+    }
+    score[kNumJoints + h] = lowest;
+  }
   std::vector<int> order;
-  for (int j = 0; j < kNumJoints; ++j) {
+  for (int j = 0; j < kMaxSkinJoints; ++j) {
     if (score[j] > 0) order.push_back(j);
   }
   std::stable_sort(order.begin(), order.end(), [&score](int a, int b) {
     return score[a] > score[b];
   });
+  if (order.empty()) order.push_back(kRoot);  // loose ends
   Candidates candidates;
-  candidates.count = std::min<int>(kMaxCandidates, order.size());
-  if (candidates.count == 0) candidates.count = 1;  // the root, for loose ends
-  std::copy_n(order.begin(),
-              std::min<std::size_t>(candidates.count, order.size()),
-              candidates.joint.begin());
+  candidates.count =
+      static_cast<int>(std::min<std::size_t>(kMaxCandidates, order.size()));
+  std::copy_n(order.begin(), candidates.count, candidates.joint.begin());
   return candidates;
 }
 
@@ -250,8 +156,10 @@ Candidates FindCandidates(const Body& body, int vertex) {
 
 // Minimises w^T A w / 2 - b^T w subject to sum w = 1, w >= 0 over the first n
 // entries, by a primal active-set method; A symmetric positive definite.
-Vector6 SolveOnSimplex(const Matrix6& A, const Vector6& b, int n) {
-  Vector6 w = Vector6::Zero();
+CandidateVector SolveOnSimplex(const CandidateMatrix& A,
+                               const CandidateVector& b,
+                               int n) {
+  CandidateVector w = CandidateVector::Zero();
   w.head(n).setConstant(1.0 / n);
   std::array<bool, kMaxCandidates> free{};
   std::fill_n(free.begin(), n, true);
@@ -323,21 +231,21 @@ Vector6 SolveOnSimplex(const Matrix6& A, const Vector6& b, int n) {
 // w^T H w, since they sum to 1.
 struct VertexProblem {
   Candidates candidates;
-  Matrix6 H = Matrix6::Zero();
+  CandidateMatrix H = CandidateMatrix::Zero();
 };
 
-void AccumulatePose(const BoneMotions& motions,
-                    const Eigen::Vector3d& rest,
-                    const Eigen::Vector3d& target,
-                    VertexProblem* problem) {
-  const int n = problem->candidates.count;
-  Eigen::Matrix<double, 3, kMaxCandidates> error;
-  for (int i = 0; i < n; ++i) {
-    const RigidMotion& motion = motions[problem->candidates.joint[i]];
-    error.col(i) = motion.rotation * rest + motion.translation - target;
+using CandidateErrors = Eigen::Matrix<double, 3, kMaxCandidates>;
+
+// Where each candidate alone would put the vertex, from where it should be.
+CandidateErrors ErrorsOfPose(const std::vector<RigidMotion>& motions,
+                             const Candidates& candidates,
+                             const Eigen::Vector3d& rest,
+                             const Eigen::Vector3d& target) {
+  CandidateErrors errors = CandidateErrors::Zero();
+  for (int i = 0; i < candidates.count; ++i) {
+    errors.col(i) = motions[candidates.joint[i]] * rest - target;
   }
-  problem->H.topLeftCorner(n, n).noalias() +=
-      error.leftCols(n).transpose() * error.leftCols(n);
+  return errors;
 }
 
 // Vertices that share an edge, ascending.
@@ -359,7 +267,7 @@ std::vector<std::vector<int>> EdgeNeighbours(const std::vector<Quad>& quads,
   return neighbours;
 }
 
-JointWeights Spread(const Candidates& candidates, const Vector6& w) {
+JointWeights Spread(const Candidates& candidates, const CandidateVector& w) {
   JointWeights weights{};
   for (int i = 0; i < candidates.count; ++i) {
     weights[candidates.joint[i]] = w[i];
@@ -367,9 +275,32 @@ JointWeights Spread(const Candidates& candidates, const Vector6& w) {
   return weights;
 }
 
-JointWeights Mirrored(const JointWeights& weights) {
+// The joint or helper on the other side, per joint.
+std::array<int, kMaxSkinJoints> MirrorTable(
+    const std::vector<HelperJoint>& helpers) {
+  std::array<int, kMaxSkinJoints> mirror{};
+  for (int j = 0; j < kMaxSkinJoints; ++j) mirror[j] = j;
+  for (int j = 0; j < kNumJoints; ++j) mirror[j] = MirrorJoint(j);
+  for (std::size_t h = 0; h < helpers.size(); ++h) {
+    std::string other = helpers[h].name;
+    if (other.starts_with("l_")) {
+      other[0] = 'r';
+    } else if (other.starts_with("r_")) {
+      other[0] = 'l';
+    }
+    for (std::size_t k = 0; k < helpers.size(); ++k) {
+      if (helpers[k].name == other) {
+        mirror[kNumJoints + h] = kNumJoints + static_cast<int>(k);
+      }
+    }
+  }
+  return mirror;
+}
+
+JointWeights Mirrored(const JointWeights& weights,
+                      const std::array<int, kMaxSkinJoints>& mirror) {
   JointWeights mirrored{};
-  for (int j = 0; j < kNumJoints; ++j) mirrored[MirrorJoint(j)] = weights[j];
+  for (int j = 0; j < kMaxSkinJoints; ++j) mirrored[mirror[j]] = weights[j];
   return mirrored;
 }
 
@@ -377,7 +308,7 @@ JointWeights Mean(const std::vector<JointWeights>& all,
                   const std::vector<int>& vertices) {
   JointWeights mean{};
   for (const int v : vertices) {
-    for (int j = 0; j < kNumJoints; ++j) mean[j] += all[v][j];
+    for (int j = 0; j < kMaxSkinJoints; ++j) mean[j] += all[v][j];
   }
   for (double& w : mean) w /= std::max<std::size_t>(1, vertices.size());
   return mean;
@@ -388,7 +319,7 @@ JointWeights Mean(const std::vector<JointWeights>& all,
 JointWeights SolveVertex(const VertexProblem& problem,
                          const JointWeights& wanted,
                          double smoothness,
-                         const std::array<bool, kNumJoints>& allowed) {
+                         const JointSet& allowed) {
   VertexProblem part;
   std::array<int, kMaxCandidates> source{};
   for (int i = 0; i < problem.candidates.count; ++i) {
@@ -399,7 +330,7 @@ JointWeights SolveVertex(const VertexProblem& problem,
   }
   const int n = part.candidates.count;
   CHECK_GT(n, 0);
-  Vector6 b = Vector6::Zero();
+  CandidateVector b = CandidateVector::Zero();
   for (int r = 0; r < n; ++r) {
     for (int c = 0; c < n; ++c) part.H(r, c) = problem.H(source[r], source[c]);
     b[r] = smoothness * wanted[part.candidates.joint[r]];
@@ -408,33 +339,28 @@ JointWeights SolveVertex(const VertexProblem& problem,
   return Spread(part.candidates, SolveOnSimplex(part.H, b, n));
 }
 
-// The joints to keep: at most four, heaviest first. On the plane of symmetry
+// The joints to keep: at most `most`, heaviest first. On the plane of symmetry
 // joints of both sides are kept or dropped together.
-std::array<bool, kNumJoints> JointsToKeep(const JointWeights& weights,
-                                          bool on_symmetry_plane) {
-  std::vector<int> order(kNumJoints);
-  for (int j = 0; j < kNumJoints; ++j) order[j] = j;
+JointSet JointsToKeep(const JointWeights& weights,
+                      int most,
+                      bool on_symmetry_plane,
+                      const std::array<int, kMaxSkinJoints>& mirror) {
+  std::vector<int> order(kMaxSkinJoints);
+  for (int j = 0; j < kMaxSkinJoints; ++j) order[j] = j;
   std::stable_sort(order.begin(), order.end(), [&weights](int a, int b) {
     return weights[a] > weights[b];
   });
-  std::array<bool, kNumJoints> keep{};
+  JointSet keep{};
   int num_kept = 0;
   for (const int joint : order) {
     if (weights[joint] < kNegligibleWeight || keep[joint]) continue;
-    const int partner = on_symmetry_plane ? MirrorJoint(joint) : joint;
+    const int partner = on_symmetry_plane ? mirror[joint] : joint;
     const int cost = partner == joint ? 1 : 2;
-    if (num_kept + cost > kMaxInfluences) continue;
+    if (num_kept + cost > most) continue;
     keep[joint] = keep[partner] = true;
     num_kept += cost;
   }
   return keep;
-}
-
-void Symmetrise(JointWeights* weights) {
-  const JointWeights mirrored = Mirrored(*weights);
-  for (int j = 0; j < kNumJoints; ++j) {
-    (*weights)[j] = 0.5 * ((*weights)[j] + mirrored[j]);
-  }
 }
 
 // The four heaviest, heaviest first, summing to 1.
@@ -442,7 +368,7 @@ void Pack(const JointWeights& weights,
           std::array<int, 4>* joint,
           std::array<double, 4>* weight) {
   std::vector<int> order;
-  for (int j = 0; j < kNumJoints; ++j) {
+  for (int j = 0; j < kMaxSkinJoints; ++j) {
     if (weights[j] >= kNegligibleWeight) order.push_back(j);
   }
   std::stable_sort(order.begin(), order.end(), [&weights](int a, int b) {
@@ -484,15 +410,14 @@ bool IsMirrorSymmetric(const Body& body,
   return true;
 }
 
-Eigen::Vector3d Skin(const BoneMotions& motions,
+Eigen::Vector3d Skin(const std::vector<RigidMotion>& motions,
                      const std::array<int, 4>& joint,
                      const std::array<double, 4>& weight,
                      const Eigen::Vector3d& rest) {
   Eigen::Vector3d posed = Eigen::Vector3d::Zero();
   for (int i = 0; i < kMaxInfluences; ++i) {
     if (weight[i] == 0) continue;
-    const RigidMotion& motion = motions[joint[i]];
-    posed += weight[i] * (motion.rotation * rest + motion.translation);
+    posed += weight[i] * (motions[joint[i]] * rest);
   }
   return posed;
 }
@@ -500,27 +425,52 @@ Eigen::Vector3d Skin(const BoneMotions& motions,
 // Fits the weights of all vertices; see FitSkinWeights.
 class SkinWeightFitter {
  public:
-  SkinWeightFitter(const Body& body, int num_poses, unsigned seed)
+  SkinWeightFitter(const Body& body,
+                   const std::vector<HelperJoint>& helpers,
+                   int num_poses,
+                   unsigned seed)
       : body_(body),
+        helpers_(helpers),
+        mirror_(MirrorTable(helpers)),
         rest_(RestVertices(body)),
         neighbours_(EdgeNeighbours(body.topology.quads, body.num_vertices())),
         symmetric_(IsMirrorSymmetric(body, rest_)) {
+    CHECK_LE(kNumJoints + helpers.size(), std::size_t{kMaxSkinJoints});
+    const BodyDeformer deformer(body);
+    const JointMotions motions(body, helpers_);
     for (const Pose& pose : SamplePoses(body.skeleton, num_poses, seed)) {
-      motions_.push_back(MotionsFromRest(body.skeleton, pose));
-      targets_.push_back(PoseVertices(body, pose));
+      motions_.push_back(motions.At(pose));
+      targets_.push_back(deformer.Vertices(pose));
     }
     const double error = kSmoothnessShare * body.stature;
     smoothness_ = motions_.size() * error * error;
   }
 
   SkinFit Fit() {
-    BuildProblems();
-    SolveAll(/*share_of_smoothness=*/0.01);
-    for (int pass = 0; pass < kSmoothingPasses; ++pass) {
-      SolveAll(/*share_of_smoothness=*/1);
+    problems_.resize(rest_.size());
+    weights_.assign(rest_.size(), JointWeights{});
+    for (int v = 0; v < num_vertices(); ++v) {
+      problems_[v].candidates = FindCandidates(body_, helpers_, v);
+      // The first wish: nothing known, all candidates alike.
+      const Candidates& candidates = problems_[v].candidates;
+      for (int i = 0; i < candidates.count; ++i) {
+        weights_[v][candidates.joint[i]] = 1.0 / candidates.count;
+      }
     }
-    KeepHeaviest();
+    Accumulate(/*by_error=*/false);
+    Solve(/*share_of_smoothness=*/0.01, kMaxCandidates);
+    for (int pass = 0; pass < kReweightings; ++pass) {
+      Accumulate(/*by_error=*/true);
+      Solve(/*share_of_smoothness=*/1, kMaxCandidates);
+    }
+    for (int pass = 0; pass < kSmoothingPasses; ++pass) {
+      Solve(/*share_of_smoothness=*/1, kMaxCandidates);
+    }
+    for (int most = kMaxInfluences + 2; most >= kMaxInfluences; --most) {
+      Solve(/*share_of_smoothness=*/1, most);
+    }
     SkinFit fit;
+    fit.weights.helpers = helpers_;
     fit.weights.joint.resize(rest_.size());
     fit.weights.weight.resize(rest_.size());
     for (std::size_t v = 0; v < rest_.size(); ++v) {
@@ -541,68 +491,71 @@ class SkinWeightFitter {
     return symmetric_ && body_.topology.mirror_vertex[v] == v;
   }
 
-  void BuildProblems() {
-    problems_.resize(rest_.size());
-    weights_.assign(rest_.size(), JointWeights{});
+  // Sums the squared errors over all poses; `by_error`: every pose counts by
+  // the squared error of the present weights, in units of their mean.
+  void Accumulate(bool by_error) {
+    std::vector<double> squared(motions_.size(), 1);
     for (int v = 0; v < num_vertices(); ++v) {
+      if (Source(v) != v) continue;
       VertexProblem& problem = problems_[v];
-      problem.candidates = FindCandidates(body_, v);
-      for (std::size_t p = 0; p < motions_.size(); ++p) {
-        AccumulatePose(motions_[p], rest_[v], targets_[p][v], &problem);
+      const Candidates& candidates = problem.candidates;
+      CandidateVector w = CandidateVector::Zero();
+      for (int i = 0; i < candidates.count; ++i) {
+        w[i] = weights_[v][candidates.joint[i]];
       }
-      // The first wish: nothing known, all candidates alike.
-      for (int i = 0; i < problem.candidates.count; ++i) {
-        weights_[v][problem.candidates.joint[i]] =
-            1.0 / problem.candidates.count;
+      std::vector<CandidateErrors> errors(motions_.size());
+      double mean = 0;
+      for (std::size_t p = 0; p < motions_.size(); ++p) {
+        errors[p] =
+            ErrorsOfPose(motions_[p], candidates, rest_[v], targets_[p][v]);
+        if (!by_error) continue;
+        squared[p] = (errors[p] * w).squaredNorm() + kErrorFloor;
+        mean += squared[p] / motions_.size();
+      }
+      if (!by_error) mean = 1;
+      problem.H.setZero();
+      for (std::size_t p = 0; p < motions_.size(); ++p) {
+        problem.H.noalias() +=
+            (squared[p] / mean) * errors[p].transpose() * errors[p];
       }
     }
   }
 
-  // Applies `solve` to one vertex of each mirrored pair and copies the result.
-  template <typename Solve>
-  void ForEachVertex(const Solve& solve) {
+  // Solves one vertex of each mirrored pair, with the mean of its neighbours
+  // as wish, for at most `most` of its present joints, and copies the result.
+  void Solve(double share_of_smoothness, int most) {
     std::vector<JointWeights> next(weights_.size());
     for (int v = 0; v < num_vertices(); ++v) {
       if (Source(v) != v) {
-        next[v] = Mirrored(next[Source(v)]);
+        next[v] = Mirrored(next[Source(v)], mirror_);
         continue;
       }
-      next[v] = solve(v);
-      if (OnSymmetryPlane(v)) Symmetrise(&next[v]);
+      JointSet allowed;
+      allowed.fill(true);
+      if (most < kMaxCandidates) {
+        allowed = JointsToKeep(weights_[v], most, OnSymmetryPlane(v), mirror_);
+      }
+      next[v] = SolveVertex(problems_[v],
+                            Mean(weights_, neighbours_[v]),
+                            share_of_smoothness * smoothness_,
+                            allowed);
+      if (OnSymmetryPlane(v)) {
+        const JointWeights mirrored = Mirrored(next[v], mirror_);
+        for (int j = 0; j < kMaxSkinJoints; ++j) {
+          next[v][j] = 0.5 * (next[v][j] + mirrored[j]);
+        }
+      }
     }
     weights_ = std::move(next);
-  }
-
-  void SolveAll(double share_of_smoothness) {
-    std::array<bool, kNumJoints> all;
-    all.fill(true);
-    ForEachVertex([&](int v) {
-      return SolveVertex(problems_[v],
-                         Mean(weights_, neighbours_[v]),
-                         share_of_smoothness * smoothness_,
-                         all);
-    });
-  }
-
-  void KeepHeaviest() {
-    ForEachVertex([&](int v) {
-      return SolveVertex(problems_[v],
-                         weights_[v],
-                         smoothness_,
-                         JointsToKeep(weights_[v], OnSymmetryPlane(v)));
-    });
   }
 
   void Measure(SkinFit* fit) const {
     double sum = 0;
     for (std::size_t p = 0; p < motions_.size(); ++p) {
+      const std::vector<Eigen::Vector3d> skinned =
+          SkinVertices(rest_, fit->weights, motions_[p]);
       for (std::size_t v = 0; v < rest_.size(); ++v) {
-        const double error = (Skin(motions_[p],
-                                   fit->weights.joint[v],
-                                   fit->weights.weight[v],
-                                   rest_[v]) -
-                              targets_[p][v])
-                                 .norm();
+        const double error = (skinned[v] - targets_[p][v]).norm();
         sum += error * error;
         fit->max = std::max(fit->max, error);
       }
@@ -615,35 +568,74 @@ class SkinWeightFitter {
   }
 
   const Body& body_;
+  const std::vector<HelperJoint> helpers_;
+  const std::array<int, kMaxSkinJoints> mirror_;
   const std::vector<Eigen::Vector3d> rest_;
   const std::vector<std::vector<int>> neighbours_;
   const bool symmetric_;
-  std::vector<BoneMotions> motions_;                   // per pose
+  std::vector<std::vector<RigidMotion>> motions_;      // per pose
   std::vector<std::vector<Eigen::Vector3d>> targets_;  // per pose, vertex
   double smoothness_ = 0;
   std::vector<VertexProblem> problems_;
   std::vector<JointWeights> weights_;
 };
 
+void CheckSizes(const SkinWeights& weights, std::size_t num_vertices) {
+  CHECK_EQ(weights.joint.size(), num_vertices);
+  CHECK_EQ(weights.weight.size(), num_vertices);
+}
+
 }  // namespace
 
-SkinFit FitSkinWeights(const Body& body, int num_poses, unsigned seed) {
+SkinFit FitSkinWeights(const Body& body,
+                       int num_poses,
+                       unsigned seed,
+                       bool with_helpers) {
   CHECK_GT(num_poses, 0);
-  return SkinWeightFitter(body, num_poses, seed).Fit();
+  return SkinWeightFitter(
+             body,
+             with_helpers ? MakeHelperJoints(body) : std::vector<HelperJoint>(),
+             num_poses,
+             seed)
+      .Fit();
+}
+
+std::vector<Eigen::Vector3d> SkinVertices(
+    const std::vector<Eigen::Vector3d>& rest_vertices,
+    const SkinWeights& weights,
+    const std::vector<RigidMotion>& motions) {
+  CheckSizes(weights, rest_vertices.size());
+  std::vector<Eigen::Vector3d> posed(rest_vertices.size());
+  for (std::size_t v = 0; v < rest_vertices.size(); ++v) {
+    posed[v] =
+        Skin(motions, weights.joint[v], weights.weight[v], rest_vertices[v]);
+  }
+  return posed;
 }
 
 std::vector<Eigen::Vector3d> PoseVerticesLbs(const Body& body,
                                              const SkinWeights& weights,
                                              const Pose& pose) {
-  const std::vector<Eigen::Vector3d> rest = RestVertices(body);
-  CHECK_EQ(weights.joint.size(), rest.size());
-  CHECK_EQ(weights.weight.size(), rest.size());
-  const BoneMotions motions = MotionsFromRest(body.skeleton, pose);
-  std::vector<Eigen::Vector3d> posed(rest.size());
-  for (std::size_t v = 0; v < rest.size(); ++v) {
-    posed[v] = Skin(motions, weights.joint[v], weights.weight[v], rest[v]);
+  return SkinVertices(RestVertices(body),
+                      weights,
+                      JointMotions(body, weights.helpers).At(pose));
+}
+
+std::vector<Eigen::Vector3d> PoseVerticesDualQuaternion(
+    const Body& body, const SkinWeights& weights, const Pose& pose) {
+  std::vector<Eigen::Vector3d> vertices = RestVertices(body);
+  CheckSizes(weights, vertices.size());
+  const std::vector<RigidMotion> motions =
+      JointMotions(body, weights.helpers).At(pose);
+  for (std::size_t v = 0; v < vertices.size(); ++v) {
+    MotionBlend blend;
+    for (int i = 0; i < kMaxInfluences; ++i) {
+      if (weights.weight[v][i] == 0) continue;
+      blend.Add(weights.weight[v][i], motions[weights.joint[v][i]]);
+    }
+    vertices[v] = blend.Normalized() * vertices[v];
   }
-  return posed;
+  return vertices;
 }
 
 }  // namespace sweepfit

@@ -204,6 +204,7 @@ std::vector<Sweep> TemplateSweeps(const TemplateSolid& solid,
        {1.64, 0.5},  {1.76, 0.5},  {1.86, 0.3},  {1.94, 0.3},  {2.10, 0.3},
        {2.50, 0.3},  {2.90, 0.15}, {3.15, 0.15}, {3.40, 0.15}, {3.60, 0.15},
        {3.78, 0.15}, {3.90, 0.15}, {3.96, 0.15}});
+  trunk.rigid_end = true;  // the skull
   FillSections({[&](const Vector3d& p) { return solid.Trunk(p); },
                 [&](double u) -> Vector3d {
                   static constexpr int kChain[] = {

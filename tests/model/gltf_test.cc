@@ -14,6 +14,7 @@
 #include <set>
 #include <tuple>
 
+#include "model/export_names.h"
 #include "model/file_io.h"
 #include "model/input_error.h"
 #include "tests/support/toy_body.h"
@@ -88,8 +89,105 @@ class GlbTest : public testing::Test {
     SaveGlb(TexturedToy(), ToyWeights(), clips, options, path_);
   }
 
-  void SaveAndLoad() {
-    Save(TwoClips(), kPng);
+  // Node index and parent of every skin joint, from the file.
+  std::vector<int> Parents() const {
+    std::vector<int> parents(model_.nodes.size(), -1);
+    for (std::size_t n = 0; n < model_.nodes.size(); ++n) {
+      for (const int child : model_.nodes[n].children) {
+        parents[child] = static_cast<int>(n);
+      }
+    }
+    return parents;
+  }
+
+  // Plays one key of a clip as a viewer would: positions of the vertices.
+  std::vector<Eigen::Vector3d> Play(std::size_t clip, std::size_t key) const {
+    const std::vector<int>& skin = model_.skins[0].joints;
+    std::vector<Eigen::Vector3d> rest = ReadPoints(Attribute("POSITION"));
+    const auto joints = Read<std::uint8_t>(Attribute("JOINTS_0"));
+    const auto weights = Read<float>(Attribute("WEIGHTS_0"));
+    const auto inverse_bind = Read<float>(model_.skins[0].inverseBindMatrices);
+    const tinygltf::Animation& animation = model_.animations[clip];
+    std::vector<Eigen::Affine3d> local(model_.nodes.size(),
+                                       Eigen::Affine3d::Identity());
+    for (const int n : skin) {
+      local[n].translation() =
+          Eigen::Map<const Eigen::Vector3d>(model_.nodes[n].translation.data());
+    }
+    int num_rotations = 0;
+    for (const tinygltf::AnimationChannel& channel : animation.channels) {
+      const tinygltf::AnimationSampler& sampler =
+          animation.samplers[channel.sampler];
+      const auto values = Read<float>(sampler.output);
+      if (channel.target_path == "translation") {
+        local[channel.target_node].translation() =
+            Eigen::Vector3d(values[key][0], values[key][1], values[key][2]);
+      } else if (channel.target_path == "rotation") {
+        num_rotations += channel.target_node < kNumJoints;
+        const Eigen::Quaterniond rotation(
+            values[key][3], values[key][0], values[key][1], values[key][2]);
+        EXPECT_NEAR(rotation.norm(), 1, 1e-6);
+        local[channel.target_node].linear() = rotation.toRotationMatrix();
+      } else {
+        EXPECT_EQ(channel.target_path, "weights");
+        const std::size_t count = primitive().targets.size();
+        for (std::size_t t = 0; t < count; ++t) {
+          const double weight = values.at(key * count + t)[0];
+          EXPECT_GE(weight, 0);
+          EXPECT_LE(weight, 1);
+          if (weight != 0) AddTarget(t, weight, &rest);
+        }
+      }
+    }
+    EXPECT_EQ(num_rotations, kNumJoints);
+    const std::vector<int> parents = Parents();
+    std::vector<Eigen::Affine3d> world(model_.nodes.size());
+    std::vector<Eigen::Affine3d> skinning(skin.size());
+    for (std::size_t j = 0; j < skin.size(); ++j) {
+      const int n = skin[j];
+      EXPECT_LT(parents[n], n);
+      world[n] = parents[n] < 0 ? local[n] : world[parents[n]] * local[n];
+      skinning[j] =
+          world[n] * Eigen::Affine3d(Eigen::Map<const Eigen::Matrix4f>(
+                                         inverse_bind[j].data())
+                                         .cast<double>());
+    }
+    std::vector<Eigen::Vector3d> posed(rest.size(), Eigen::Vector3d::Zero());
+    for (std::size_t v = 0; v < rest.size(); ++v) {
+      for (int i = 0; i < 4; ++i) {
+        posed[v] += double{weights[v][i]} * (skinning[joints[v][i]] * rest[v]);
+      }
+    }
+    return posed;
+  }
+
+  // Adds a sparse morph target.
+  void AddTarget(std::size_t target,
+                 double weight,
+                 std::vector<Eigen::Vector3d>* points) const {
+    const tinygltf::Accessor& accessor =
+        model_.accessors.at(primitive().targets[target].at("POSITION"));
+    EXPECT_EQ(accessor.count, points->size());
+    ASSERT_TRUE(accessor.sparse.isSparse);
+    const auto data = [&](int view) {
+      return model_.buffers[0].data.data() +
+             model_.bufferViews[view].byteOffset;
+    };
+    for (int i = 0; i < accessor.sparse.count; ++i) {
+      std::uint32_t vertex = 0;
+      float value[3];
+      std::memcpy(&vertex, data(accessor.sparse.indices.bufferView) + 4 * i, 4);
+      std::memcpy(value, data(accessor.sparse.values.bufferView) + 12 * i, 12);
+      (*points)[vertex] +=
+          weight * Eigen::Vector3d(value[0], value[1], value[2]);
+    }
+  }
+
+  void SaveAndLoad(const GltfOptions& options = {}) {
+    GltfOptions textured = options;
+    textured.texture_png = kPng;
+    reports_ =
+        SaveGlb(TexturedToy(), ToyWeights(), TwoClips(), textured, path_);
     tinygltf::TinyGLTF loader;
     std::string error, warning;
     ASSERT_TRUE(loader.LoadBinaryFromFile(&model_, &error, &warning, path_))
@@ -136,6 +234,7 @@ class GlbTest : public testing::Test {
 
   std::string path_;
   tinygltf::Model model_;
+  std::vector<ClipReport> reports_;
 };
 
 TEST_F(GlbTest, NodesAreTheSkeleton) {
@@ -143,7 +242,14 @@ TEST_F(GlbTest, NodesAreTheSkeleton) {
   const Body body = TexturedToy();
   ASSERT_EQ(model_.skins.size(), 1u);
   const std::vector<int>& joints = model_.skins[0].joints;
-  ASSERT_EQ(joints.size(), std::size_t{kNumJoints});
+  const std::vector<HelperJoint>& helpers = ToyWeights().helpers;
+  EXPECT_GT(helpers.size(), 5u);
+  ASSERT_EQ(joints.size(), kNumJoints + helpers.size());
+  for (std::size_t h = 0; h < helpers.size(); ++h) {
+    const tinygltf::Node& node = model_.nodes.at(joints[kNumJoints + h]);
+    EXPECT_EQ(node.name, helpers[h].name);
+    EXPECT_EQ(Parents()[joints[kNumJoints + h]], joints[helpers[h].parent]);
+  }
   for (int j = 0; j < kNumJoints; ++j) {
     const tinygltf::Node& node = model_.nodes.at(joints[j]);
     EXPECT_EQ(node.name, kJointNames[j]);
@@ -181,15 +287,16 @@ TEST_F(GlbTest, BindMatricesUndoTheRestPose) {
   SaveAndLoad();
   const std::vector<std::vector<float>> matrices =
       Read<float>(model_.skins[0].inverseBindMatrices);
-  ASSERT_EQ(matrices.size(), std::size_t{kNumJoints});
-  std::vector<Eigen::Matrix4d> world_from_joint(kNumJoints);
-  for (int j = 0; j < kNumJoints; ++j) {
+  ASSERT_EQ(matrices.size(), model_.skins[0].joints.size());
+  const std::vector<int> parents = Parents();
+  std::vector<Eigen::Matrix4d> world_from_joint(matrices.size());
+  for (std::size_t j = 0; j < matrices.size(); ++j) {
+    ASSERT_EQ(model_.skins[0].joints[j], static_cast<int>(j));
     Eigen::Matrix4d local = Eigen::Matrix4d::Identity();
     local.topRightCorner<3, 1>() =
         Eigen::Map<const Eigen::Vector3d>(model_.nodes[j].translation.data());
-    world_from_joint[j] = kJointParents[j] < 0
-                              ? local
-                              : world_from_joint[kJointParents[j]] * local;
+    world_from_joint[j] =
+        parents[j] < 0 ? local : world_from_joint[parents[j]] * local;
     const Eigen::Matrix4d inverse_bind =
         Eigen::Map<const Eigen::Matrix4f>(matrices[j].data()).cast<double>();
     EXPECT_LT((world_from_joint[j] * inverse_bind - Eigen::Matrix4d::Identity())
@@ -264,7 +371,7 @@ TEST_F(GlbTest, WeightsSumToOneAndNormalsAreUnit) {
     for (int i = 0; i < 4; ++i) {
       sum += weights[v][i];
       EXPECT_GE(weights[v][i], 0);
-      EXPECT_LT(joints[v][i], kNumJoints);
+      EXPECT_LT(joints[v][i], kNumJoints + ToyWeights().helpers.size());
       if (weights[v][i] == 0) {
         EXPECT_EQ(joints[v][i], 0);
       }
@@ -292,68 +399,76 @@ TEST_F(GlbTest, BoundsAreThoseOfThePositions) {
   }
 }
 
-// Plays the file as a viewer would at the keys of the clips, and compares with
-// our own skinning.
+// Compares the file, played at the keys of its clips, with our own skinning.
 TEST_F(GlbTest, ClipsPlayAsPosed) {
-  SaveAndLoad();
+  GltfOptions options;
+  options.correctives = false;
+  SaveAndLoad(options);
+  EXPECT_TRUE(primitive().targets.empty());
   const Body body = TexturedToy();
-  const std::vector<Eigen::Vector3d> rest = ReadPoints(Attribute("POSITION"));
-  const auto joints = Read<std::uint8_t>(Attribute("JOINTS_0"));
-  const auto weights = Read<float>(Attribute("WEIGHTS_0"));
-  const auto inverse_bind = Read<float>(model_.skins[0].inverseBindMatrices);
-  const std::vector<int> vertex_of = NearestVertices(rest, RestVertices(body));
+  const std::vector<int> vertex_of =
+      NearestVertices(ReadPoints(Attribute("POSITION")), RestVertices(body));
   const std::vector<Clip> clips = TwoClips();
   ASSERT_EQ(model_.animations.size(), clips.size());
   for (std::size_t c = 0; c < clips.size(); ++c) {
-    const tinygltf::Animation& animation = model_.animations[c];
-    EXPECT_EQ(animation.name, clips[c].name);
+    EXPECT_EQ(model_.animations[c].name, clips[c].name);
+    const auto times = Read<float>(model_.animations[c].samplers[0].input);
     for (std::size_t key = 0; key < clips[c].time.size(); ++key) {
-      std::vector<Eigen::Affine3d> local(kNumJoints,
-                                         Eigen::Affine3d::Identity());
-      for (int j = 0; j < kNumJoints; ++j) {
-        local[j].translation() = Eigen::Map<const Eigen::Vector3d>(
-            model_.nodes[j].translation.data());
-      }
-      int num_rotations = 0;
-      for (const tinygltf::AnimationChannel& channel : animation.channels) {
-        const tinygltf::AnimationSampler& sampler =
-            animation.samplers[channel.sampler];
-        EXPECT_FLOAT_EQ(Read<float>(sampler.input).at(key)[0],
-                        static_cast<float>(clips[c].time[key]));
-        const std::vector<float> value = Read<float>(sampler.output).at(key);
-        if (channel.target_path == "translation") {
-          local[channel.target_node].translation() =
-              Eigen::Vector3d(value[0], value[1], value[2]);
-        } else {
-          ASSERT_EQ(channel.target_path, "rotation");
-          ++num_rotations;
-          const Eigen::Quaterniond rotation(
-              value[3], value[0], value[1], value[2]);
-          EXPECT_NEAR(rotation.norm(), 1, 1e-6);
-          local[channel.target_node].linear() = rotation.toRotationMatrix();
-        }
-      }
-      EXPECT_EQ(num_rotations, kNumJoints);
-      std::vector<Eigen::Affine3d> skinning(kNumJoints), world(kNumJoints);
-      for (int j = 0; j < kNumJoints; ++j) {
-        world[j] = kJointParents[j] < 0 ? local[j]
-                                        : world[kJointParents[j]] * local[j];
-        skinning[j] =
-            world[j] * Eigen::Affine3d(Eigen::Map<const Eigen::Matrix4f>(
-                                           inverse_bind[j].data())
-                                           .cast<double>());
-      }
+      EXPECT_FLOAT_EQ(times[key][0], static_cast<float>(clips[c].time[key]));
+      const std::vector<Eigen::Vector3d> posed = Play(c, key);
       const std::vector<Eigen::Vector3d> expected =
           PoseVerticesLbs(body, ToyWeights(), clips[c].pose[key]);
-      for (std::size_t v = 0; v < rest.size(); ++v) {
-        Eigen::Vector3d posed = Eigen::Vector3d::Zero();
-        for (int i = 0; i < 4; ++i) {
-          posed += double{weights[v][i]} * (skinning[joints[v][i]] * rest[v]);
-        }
-        ASSERT_LT((posed - expected[vertex_of[v]]).norm(), 1e-5);
+      for (std::size_t v = 0; v < posed.size(); ++v) {
+        ASSERT_LT((posed[v] - expected[vertex_of[v]]).norm(), 1e-5);
       }
     }
   }
+}
+
+TEST_F(GlbTest, CorrectivesBringClipsToTheSweeps) {
+  SaveAndLoad();
+  const Body body = TexturedToy();
+  const std::vector<int> vertex_of =
+      NearestVertices(ReadPoints(Attribute("POSITION")), RestVertices(body));
+  const std::vector<Clip> clips = TwoClips();
+  ASSERT_EQ(reports_.size(), clips.size());
+  for (std::size_t c = 0; c < clips.size(); ++c) {
+    EXPECT_GT(reports_[c].num_targets, 0);
+    EXPECT_LE(reports_[c].rms, 0.001);
+    EXPECT_LT(reports_[c].rms, 0.5 * reports_[c].rms_without);
+    for (std::size_t key = 0; key < clips[c].time.size(); ++key) {
+      const std::vector<Eigen::Vector3d> posed = Play(c, key);
+      const std::vector<Eigen::Vector3d> expected =
+          PoseVertices(body, clips[c].pose[key]);
+      double sum = 0;
+      for (std::size_t v = 0; v < posed.size(); ++v) {
+        sum += (posed[v] - expected[vertex_of[v]]).squaredNorm();
+      }
+      EXPECT_LT(std::sqrt(sum / posed.size()), 0.002);
+    }
+  }
+  const tinygltf::Value& names = model_.meshes[0].extras.Get("targetNames");
+  EXPECT_EQ(names.ArrayLen(), primitive().targets.size());
+  EXPECT_EQ(model_.meshes[0].weights.size(), primitive().targets.size());
+}
+
+TEST_F(GlbTest, JointsAreNamedByPreset) {
+  for (const std::string& preset : ExportNamePresets()) {
+    GltfOptions options;
+    options.names = preset;
+    SaveAndLoad(options);
+    std::set<std::string> names;
+    for (const int n : model_.skins[0].joints)
+      names.insert(model_.nodes[n].name);
+    EXPECT_EQ(names.size(), model_.skins[0].joints.size()) << preset;
+    for (const std::string& name : ExportNames(preset)) {
+      EXPECT_TRUE(names.contains(name)) << name;
+    }
+  }
+  EXPECT_EQ(ExportNames("mixamo")[kLElbow], "mixamorig:LeftForeArm");
+  EXPECT_EQ(ExportNames("unreal")[kRKnee], "calf_r");
+  EXPECT_EQ(ExportNames("vrm")[kRShoulder], "rightUpperArm");
+  EXPECT_THROW(ExportNames("maya"), InputError);
 }
 
 TEST_F(GlbTest, RotationsTakeTheShortWay) {

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "model/body.h"
+#include "model/rigid_motion.h"
+
+namespace sweepfit {
+
+// A joint beyond the 21 that only carries skin. It moves as sections of the
+// sweeps do, so that linear blend skinning can follow them where a joint bends
+// or a bone twists:
+//
+//   <joint>_swing  the start of a limb: turned with its bone but not twisted
+//   <joint>_half   the middle of the rounded corner at a joint
+//   <joint>_twist  the middle of the bone that starts at the joint
+//   <joint>_blend  half way between the trunk and the limb
+//
+// All are functions of the posture. File formats have no such rules, so their
+// motion is baked into every clip; in an engine a constraint of half the
+// rotation comes close. Left at rest they follow the joint they hang on.
+struct HelperJoint {
+  std::string name;
+  int parent = 0;                             // one of the 21
+  Eigen::Vector3d joint_in_rest = {0, 0, 0};  // at rest, root at the origin
+  struct Source {
+    int sweep;
+    double u;
+    double weight;
+  };
+  std::vector<Source> sources;  // sections; several blend as dual quaternions
+};
+
+// The helpers of a body; left and right mirror each other.
+std::vector<HelperJoint> MakeHelperJoints(const Body& body);
+
+// How each of the 21 joints and then each helper carries points from rest to a
+// posture.
+class JointMotions {
+ public:
+  // Keeps pointers to both.
+  JointMotions(const Body& body, const std::vector<HelperJoint>& helpers);
+
+  std::vector<RigidMotion> At(const Pose& pose) const;
+  // Helpers left at rest: they follow the joints they hang on.
+  std::vector<RigidMotion> AtWithoutHelpers(const Pose& pose) const;
+
+ private:
+  const Body& body_;
+  const std::vector<HelperJoint>& helpers_;
+  JointFrames rest_;
+  std::vector<SweepAxis> rest_axes_;
+};
+
+}  // namespace sweepfit
