@@ -12,6 +12,7 @@
 #include "experiments/motion_preview.h"
 #include "model/body_io.h"
 #include "model/bvh.h"
+#include "model/export_names.h"
 #include "model/file_io.h"
 #include "model/gltf.h"
 #include "model/input_error.h"
@@ -33,6 +34,7 @@ struct AnimateArguments {
   std::string scale = "auto";
   RetargetOptions options;
   PreviewOptions preview_options;
+  GltfOptions gltf;
 };
 
 // Metres per unit of a BVH file; 0: by the legs.
@@ -78,11 +80,12 @@ void RunAnimate(const AnimateArguments& arguments) {
   const std::string sheet =
       arguments.preview.empty() ? "" : SheetPath(arguments.preview);
 
+  ExportNames(arguments.gltf.names);  // a wrong name is told at once
   progress->Stage("load", "");
   const fs::path folder = arguments.result;
   const Body body = LoadBody((folder / "body.json").string());
   const BvhMotion motion = LoadBvh(arguments.bvh);
-  GltfOptions gltf;
+  GltfOptions gltf = arguments.gltf;
   if (fs::exists(folder / "texture.png")) {
     const std::string png = ReadWholeFile((folder / "texture.png").string());
     gltf.texture_png.assign(png.begin(), png.end());
@@ -94,7 +97,7 @@ void RunAnimate(const AnimateArguments& arguments) {
   for (const std::string& note : retargeted.notes) progress->Warning(note);
 
   progress->Stage("skin", "");
-  constexpr int kSkinPoses = 40;
+  constexpr int kSkinPoses = 80;
   constexpr unsigned kSkinSeed = 1;
   const SkinFit skin = FitSkinWeights(body, kSkinPoses, kSkinSeed);
 
@@ -185,6 +188,14 @@ void AddAnimateVerb(CLI::App* command, std::function<void()>* run) {
   verb->add_flag("!--no-joint-limits",
                  arguments->options.limit_joints,
                  "Let joints leave their limits");
+  verb->add_option("--names",
+                   arguments->gltf.names,
+                   "Joint names in the GLB: sweepfit, mixamo, unity, unreal or "
+                   "vrm (default: sweepfit)");
+  verb->add_flag("!--lbs-only",
+                 arguments->gltf.correctives,
+                 "No morph targets, for programs that do not know them: bent "
+                 "joints then differ from the sweeps by millimetres");
   AddCommonArguments(verb, &arguments->common);
   verb->footer(
       "Example: sweepfit animate results/anna --bvh walk.bvh --out walk.glb "

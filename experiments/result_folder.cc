@@ -17,6 +17,7 @@
 #include "model/bvh.h"
 #include "model/gltf.h"
 #include "model/input_error.h"
+#include "model/obj.h"
 
 namespace sweepfit {
 namespace {
@@ -181,6 +182,12 @@ class Writer {
     for (const PoseResult& pose : result_.poses) {
       SavePly(MeshOf(pose),
               (folder_ / ("mesh_" + pose.name + ".ply")).string());
+      if (options_.exported.obj) {
+        SaveObj(result_.body.topology,
+                pose.vertices_in_world,
+                result_.texture ? "texture.png" : "",
+                (folder_ / ("mesh_" + pose.name + ".obj")).string());
+      }
     }
   }
 
@@ -255,7 +262,7 @@ class Writer {
 
   // model.glb: at rest, standing on the floor of its own, first; then every
   // captured posture as a clip of one key.
-  void WriteModel() const {
+  void WriteModel() {
     Pose rest;
     double lowest = 0;
     for (const Eigen::Vector3d& vertex : RestVertices(result_.body)) {
@@ -270,11 +277,13 @@ class Writer {
     if (result_.texture) {
       cv::imencode(".png", result_.texture->atlas, options.texture_png);
     }
-    SaveGlb(result_.body,
-            result_.skin->weights,
-            clips,
-            options,
-            (folder_ / "model.glb").string());
+    options.names = options_.exported.names;
+    options.correctives = options_.exported.correctives;
+    clip_reports_ = SaveGlb(result_.body,
+                            result_.skin->weights,
+                            clips,
+                            options,
+                            (folder_ / "model.glb").string());
   }
 
   // poses.bvh: every captured posture as a frame of one second.
@@ -300,6 +309,11 @@ class Writer {
     if (has_mesh_) report["body"] = BodyFigures();
     if (result_.skin) {
       report["skin"] = {{"rms", result_.skin->rms}, {"max", result_.skin->max}};
+      for (const ClipReport& clip : clip_reports_) {
+        report["skin"]["clips"][clip.name] = {{"targets", clip.num_targets},
+                                              {"rms", clip.rms},
+                                              {"max", clip.max}};
+      }
     }
     report["stages"] = Stages();
     report["options"] = FitOptionsToJson(options_);
@@ -385,6 +399,7 @@ class Writer {
   const FitOptions& options_;
   fs::path folder_;
   bool has_mesh_;
+  std::vector<ClipReport> clip_reports_;
   std::vector<TriangleMesh> meshes_;  // per pose
   std::vector<ViewJob> jobs_;
   ReportPictures pictures_;

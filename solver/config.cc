@@ -89,6 +89,13 @@ std::vector<Entry> Entries(FitOptions* o) {
        &o->refine.sigma_magnitude,
        "displacement itself, metres"},
       {"texture.size", &o->texture.size, "texels along each side"},
+      {"export.names",
+       &o->exported.names,
+       "joint names: sweepfit | mixamo | unity | unreal | vrm"},
+      {"export.correctives",
+       &o->exported.correctives,
+       "morph targets that take clips to the sweeps"},
+      {"export.obj", &o->exported.obj, "mesh_<pose>.obj with texture"},
   };
 }
 

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <functional>
 
+#include "model/export_names.h"
 #include "model/input_error.h"
 #include "model/template.h"
 
@@ -13,7 +14,7 @@ namespace sweepfit {
 namespace {
 
 // Skin weights are fitted over this many sampled poses.
-constexpr int kSkinPoses = 40;
+constexpr int kSkinPoses = 80;
 constexpr unsigned kSkinSeed = 1;
 
 // Runs one stage, timed, and keeps its summary whatever happens in it.
@@ -62,6 +63,16 @@ int FindFitStage(std::string_view stage) {
                                 : static_cast<int>(it - kFitStages.begin());
 }
 
+std::optional<std::string> ExportOptions::Check() const {
+  const std::vector<std::string>& known = ExportNamePresets();
+  if (std::find(known.begin(), known.end(), names) == known.end()) {
+    std::string list;
+    for (const std::string& name : known) list += " " + name;
+    return "export.names must be one of" + list;
+  }
+  return std::nullopt;
+}
+
 std::optional<std::string> FitOptions::Check() const {
   for (const auto& error : {segment.Check(),
                             volume.Check(),
@@ -70,7 +81,8 @@ std::optional<std::string> FitOptions::Check() const {
                             global.Check(),
                             local.Check(),
                             refine.Check(),
-                            texture.Check()}) {
+                            texture.Check(),
+                            exported.Check()}) {
     if (error) return error;
   }
   if (FindFitStage(until) < 0) {

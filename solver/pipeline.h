@@ -37,6 +37,18 @@ inline constexpr std::array<std::string_view, 9> kFitStages = {"segment",
 int FindFitStage(std::string_view stage);
 
 // Everything that can be configured about a fit, stage by stage.
+// What the result's files look like.
+struct ExportOptions {
+  // Names of the joints in model.glb, a preset of model/export_names.h.
+  std::string names = "sweepfit";
+  // Morph targets that take each clip of model.glb from linear skinning to the
+  // sweeps.
+  bool correctives = true;
+  // Write mesh_<pose>.obj with texture coordinates beside the PLY.
+  bool obj = false;
+  std::optional<std::string> Check() const;
+};
+
 struct FitOptions {
   SegmentOptions segment;
   HullOptions volume;
@@ -46,6 +58,7 @@ struct FitOptions {
   LocalOptions local;
   RefineOptions refine;
   TextureOptions texture;
+  ExportOptions exported;
   // The last stage to run: segment, volume, landmarks, joints, global, local,
   // refine, texture or export.
   std::string until = "export";
