@@ -243,6 +243,51 @@ std::vector<Eigen::Vector3d> RestVertices(const Body& body) {
 // blending shrinks it: shoulders and hips keep their volume in between.
 constexpr double kLinearShare = 0.4;
 
+// The skull is rigid, but its joint lies between the ears: face and occiput
+// would bend with the sections of the neck below it. Within this distance of
+// the neck, a share of stature, head vertices pass from the section they are
+// bound to over to the rigid end of the sweep.
+constexpr double kSkullTransition = 0.025;
+
+// Per vertex how far it belongs to the skull, 0 to 1.
+std::vector<double> SkullShare(const Body& body,
+                               const std::vector<Eigen::Vector3d>& rest) {
+  const std::vector<BodyPart>& part = body.topology.part;
+  std::vector<double> share(rest.size(), 0);
+  if (part.size() != rest.size()) return share;
+  std::vector<int> border;
+  for (const Quad& quad : body.topology.quads) {
+    const bool mixed = std::any_of(quad.begin(), quad.end(), [&](int v) {
+      return part[v] != BodyPart::kHead;
+    });
+    for (const int v : quad) {
+      if (mixed && part[v] == BodyPart::kHead) border.push_back(v);
+    }
+  }
+  std::sort(border.begin(), border.end());
+  border.erase(std::unique(border.begin(), border.end()), border.end());
+  if (border.empty()) return share;
+  for (std::size_t v = 0; v < rest.size(); ++v) {
+    if (part[v] != BodyPart::kHead) continue;
+    double nearest = 1e9;
+    for (const int b : border) {
+      nearest = std::min(nearest, (rest[v] - rest[b]).squaredNorm());
+    }
+    const double t =
+        std::min(1.0, std::sqrt(nearest) / (kSkullTransition * body.stature));
+    share[v] = t * t * (3 - 2 * t);
+  }
+  return share;
+}
+
+// Where on its sweep a vertex is moved.
+double MotionParameter(const Sweep& sweep, double u, double skull_share) {
+  if (skull_share == 0 || sweep.chain.back() != kHeadEnd) return u;
+  // Beyond the rounded corner of the last bone.
+  const double rigid = std::max(u, sweep.num_bones() - 0.5);
+  return u + skull_share * (rigid - u);
+}
+
 struct BodyDeformer::Impl {
   explicit Impl(const Body& b)
       : body(b),
@@ -254,21 +299,24 @@ struct BodyDeformer::Impl {
       zones.emplace_back(body.sweeps[s], rest_axes[s]);
     }
     for (int v = 0; v < body.num_vertices(); ++v) {
-      first[v] = static_cast<int>(attached.size());
       rest_vertices[v] = RestVertex(body, rest_axes, v);
+    }
+    const std::vector<double> skull = SkullShare(body, rest_vertices);
+    for (int v = 0; v < body.num_vertices(); ++v) {
+      first[v] = static_cast<int>(attached.size());
       for (const SweepAttachment& a : body.binding[v].attachment) {
         if (a.sweep < 0) break;
         Attached at;
         at.sweep = a.sweep;
         at.weight = a.weight;
-        at.u = a.u;
-        at.offset = CenterOffset(body.sweeps[a.sweep], a.u);
-        const SectionFrame section = rest_axes[a.sweep].OnAxis(a.u);
+        at.u = MotionParameter(body.sweeps[a.sweep], a.u, skull[v]);
+        at.offset = CenterOffset(body.sweeps[a.sweep], at.u);
+        const SectionFrame section = rest_axes[a.sweep].OnAxis(at.u);
         at.world_from_section_at_rest = section.world_from_section;
         at.point_in_section = section.world_from_section.transpose() *
                               (rest_vertices[v] - section.center_in_world);
         at.rest_change = zones[a.sweep].RestChange(
-            a.u,
+            at.u,
             section.world_from_section,
             at.offset,
             at.point_in_section.head<2>() - at.offset);

@@ -11,9 +11,9 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr int kMaxRounds = 60;
+constexpr int kMaxRounds = 100;
 constexpr int kRoundsPerRing = 10;
-constexpr int kMaxRings = 3;
+constexpr int kMaxRings = 4;
 // A face counts as turned over below this cosine against where it should look.
 constexpr double kMinCosine = 0.03;
 constexpr double kStep = 0.5;
