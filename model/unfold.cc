@@ -12,8 +12,8 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr int kMaxRounds = 100;
-constexpr int kRoundsPerRing = 10;
-constexpr int kMaxRings = 4;
+constexpr int kRoundsPerRing = 8;
+constexpr int kMaxRings = 6;
 // A face counts as turned over below this cosine against where it should look.
 constexpr double kMinCosine = 0.03;
 constexpr double kStep = 0.5;

@@ -95,7 +95,7 @@ Chart MeasureVolume(const Body& body,
 void Draw(const Chart& chart,
           const std::vector<Method>& methods,
           cv::Mat3b picture) {
-  const double low = -20, high = 5;
+  const double low = -8, high = 2;
   const cv::Rect area(52, 34, picture.cols - 70, picture.rows - 74);
   const auto at = [&](double degrees, double percent) {
     return cv::Point(
@@ -116,7 +116,7 @@ void Draw(const Chart& chart,
                 cv::LINE_AA);
   };
   text(chart.title, {area.x, 20});
-  for (int percent = -20; percent <= 5; percent += 5) {
+  for (int percent = -8; percent <= 2; percent += 2) {
     cv::line(picture,
              at(0, percent),
              at(chart.degrees.back(), percent),
