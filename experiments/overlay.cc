@@ -18,6 +18,8 @@ const cv::Scalar kMeshColor(60, 60, 255);        // red
 const cv::Scalar kLeftColor(80, 220, 80);        // green
 const cv::Scalar kRightColor(0, 190, 255);       // orange
 const cv::Scalar kAxisColor(255, 255, 255);
+const cv::Scalar kLandmarkColor(0, 255, 255);   // yellow
+const cv::Scalar kKeypointColor(255, 80, 255);  // magenta
 const cv::Scalar kTextColor(235, 235, 235);
 
 // The box of everything covered by at least half, grown by a margin.
@@ -107,6 +109,32 @@ void DrawSkeleton(const Camera& camera,
   }
 }
 
+// A cross at every landmark of the view, its arms as long as the landmark is
+// uncertain along the picture's axes.
+void DrawLandmarks(const std::string& camera_id,
+                   const std::vector<Landmark2>& landmarks,
+                   const Cutting& cutting,
+                   cv::Mat3b* image) {
+  for (const Landmark2& landmark : landmarks) {
+    if (landmark.camera_id != camera_id) continue;
+    const cv::Scalar& color =
+        landmark.source == "keypoint" ? kKeypointColor : kLandmarkColor;
+    for (int axis = 0; axis < 2; ++axis) {
+      const double sigma = std::sqrt(landmark.covariance(axis, axis));
+      const Eigen::Vector2d arm =
+          std::clamp(sigma, 3 / cutting.scale, 20 / cutting.scale) *
+          Eigen::Vector2d::Unit(axis);
+      cv::line(*image,
+               cutting.MapFixed(landmark.pixel - arm),
+               cutting.MapFixed(landmark.pixel + arm),
+               color,
+               1,
+               cv::LINE_AA,
+               kSubpixelBits);
+    }
+  }
+}
+
 int PutText(const std::string& text,
             const cv::Point& at,
             double size,
@@ -138,7 +166,9 @@ void DrawLegend(const std::string& title, cv::Mat3b* strip) {
        {std::pair<const char*, cv::Scalar>{"silhouette", kSilhouetteColor},
         {"fitted mesh", kMeshColor},
         {"left", kLeftColor},
-        {"right", kRightColor}}) {
+        {"right", kRightColor},
+        {"landmark", kLandmarkColor},
+        {"keypoint", kKeypointColor}}) {
     x += PutText(text, {x, 44}, 0.45, color, strip) + 14;
   }
 }
@@ -185,9 +215,12 @@ cv::Mat3b DrawOverlay(const View& view, const OverlayContent& content) {
   if (content.frames != nullptr) {
     DrawSkeleton(view.camera, *content.frames, cutting, &picture);
   }
+  if (content.landmarks != nullptr) {
+    DrawLandmarks(view.camera.id, *content.landmarks, cutting, &picture);
+  }
   // A narrow person still leaves room for the legend.
   cv::Mat3b overlay(kOverlayHeight + kLegendHeight,
-                    std::max(picture.cols, 420),
+                    std::max(picture.cols, 520),
                     cv::Vec3b(24, 24, 24));
   picture.copyTo(overlay(cv::Rect((overlay.cols - picture.cols) / 2,
                                   kLegendHeight,

@@ -8,6 +8,7 @@
 #include "capture/silhouette.h"
 #include "experiments/metrics.h"
 #include "model/skeleton.h"
+#include "solver/landmarks.h"
 
 namespace sweepfit {
 
@@ -17,11 +18,15 @@ struct OverlayContent {
   cv::Mat1f mesh_coverage;  // of the fitted mesh, as taken; may be empty
   SilhouetteError error;    // of the mesh against the silhouette
   const JointFrames* frames = nullptr;  // joints in the world; may be null
+  // Landmarks of all views of the pose; those of this view are drawn. May be
+  // null.
+  const std::vector<Landmark2>* landmarks = nullptr;
 };
 
 // The picture, cut around the person and dimmed, with the boundary of the
 // silhouette, the boundary of the fitted mesh, the bones (left and right in
-// different colours) and a legend with camera and scores.
+// different colours), the landmarks found in it (crosses) and a legend with
+// camera and scores.
 cv::Mat3b DrawOverlay(const View& view, const OverlayContent& content);
 
 // All pictures with their silhouettes bright on a dimmed surrounding: one row

@@ -164,6 +164,9 @@ class Writer {
       content.error = job->error;
     }
     if (RunsStage(options_, "joints")) content.frames = &job->pose->frames;
+    if (RunsStage(options_, "landmarks")) {
+      content.landmarks = &job->pose->landmarks.points;
+    }
     WritePicture(folder_ / "overlays" / (job->name + ".png"),
                  DrawOverlay(*job->view, content));
   }
@@ -444,22 +447,25 @@ Json LandmarksToJson(const std::vector<PoseResult>& poses) {
   for (const PoseResult& pose : poses) {
     const LandmarkResult& found = pose.seen->landmarks;
     Json in_world = Json::array();
-    for (const Landmark3& landmark : found.landmarks) {
-      in_world.push_back(
-          {{"name", landmark.name},
-           {"joint",
-            landmark.joint < 0 ? Json() : Json(kJointNames[landmark.joint])},
-           {"point", ToJson(landmark.point_in_world)},
-           {"covariance", ToJson(landmark.covariance)},
-           {"views", landmark.num_views},
-           {"source", landmark.source}});
+    for (const auto* list : {&found.landmarks, &found.features}) {
+      for (const Landmark3& landmark : *list) {
+        in_world.push_back(
+            {{"name", landmark.name},
+             {"joint",
+              landmark.joint < 0 ? Json() : Json(kJointNames[landmark.joint])},
+             {"point", ToJson(landmark.point_in_world)},
+             {"covariance", ToJson(landmark.covariance)},
+             {"views", landmark.num_views},
+             {"source", landmark.source}});
+      }
     }
     Json in_pictures = Json::array();
     for (const Landmark2& landmark : found.points) {
       in_pictures.push_back({{"camera", landmark.camera_id},
                              {"name", landmark.name},
                              {"pixel", ToJson(landmark.pixel)},
-                             {"covariance", ToJson(landmark.covariance)}});
+                             {"covariance", ToJson(landmark.covariance)},
+                             {"source", landmark.source}});
     }
     all[pose.name] = {{"facing", ToJson(found.facing_in_world)},
                       {"facing_confidence", found.facing_confidence},

@@ -3,8 +3,10 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "model/skeleton.h"
@@ -19,9 +21,44 @@ constexpr double kMaxFootHeight = 0.3;
 // A wrist lies between these, from the finger tips.
 constexpr double kFirstWrist = 0.085;
 constexpr double kLastWrist = 0.135;
-// From where the arm leaves the trunk to the shoulder joint, along the arm.
-constexpr double kArmpitToShoulder = 0.045;
+// From where the arm's sections join the trunk to the shoulder joint, along
+// the arm.
+constexpr double kMergeToShoulder = 0.045;
 constexpr double kWristToShoulder = 0.29;
+// From the armpit's corner to the shoulder joint, along the arm, and its
+// spread, by the angle between the arm and the vertical (radians): what the
+// template shows (tests/solver/landmark_template_test.cc). Arms that hang close
+// the gap to the trunk well below the armpit.
+struct ArmpitOffset {
+  double angle, along, sigma;
+};
+constexpr std::array<ArmpitOffset, 3> kArmpitOffsets = {
+    {{0.35, 0.085, 0.025}, {0.8, 0.048, 0.010}, {1.55, 0.035, 0.010}}};
+// From the crotch's corner in the pictures up to the hip joints: 0.052 on the
+// template, and trousers hang one to three centimetres below the skin.
+constexpr double kCrotchToHip = 0.065;
+constexpr double kCrotchToHipSigma = 0.018;
+// From where the volume joins the legs, which webs seen from above blur.
+constexpr double kMergeToHip = 0.055;
+constexpr double kMergeToHipSigma = 0.025;
+// The joint's usual height (tables, and something for shoes).
+constexpr double kUsualHip = 0.520;
+constexpr double kUsualHipSigma = 0.016;
+
+ArmpitOffset ArmpitOffsetAt(double angle) {
+  ArmpitOffset at = kArmpitOffsets.front();
+  at.angle = angle;
+  for (size_t i = 1; i < kArmpitOffsets.size(); ++i) {
+    const ArmpitOffset& a = kArmpitOffsets[i - 1];
+    const ArmpitOffset& b = kArmpitOffsets[i];
+    const double t =
+        std::clamp((angle - a.angle) / (b.angle - a.angle), 0., 1.);
+    if (t <= 0) break;
+    at.along = a.along + t * (b.along - a.along);
+    at.sigma = a.sigma + t * (b.sigma - a.sigma);
+  }
+  return at;
+}
 
 double Median(std::vector<double> values) {
   if (values.empty()) return 0;
@@ -33,16 +70,6 @@ double Median(std::vector<double> values) {
 
 Eigen::Vector3d Horizontal(const Eigen::Vector3d& v) {
   return {v.x(), 0, v.z()};
-}
-
-// Covariance with one standard deviation along a direction and another across.
-Eigen::Matrix3d AlongAcross(const Eigen::Vector3d& unit_direction,
-                            double along,
-                            double across) {
-  const Eigen::Matrix3d projection =
-      unit_direction * unit_direction.transpose();
-  return along * along * projection +
-         across * across * (Eigen::Matrix3d::Identity() - projection);
 }
 
 Landmark3 MakeLandmark(int joint,
@@ -57,17 +84,41 @@ Landmark3 MakeLandmark(int joint,
   return landmark;
 }
 
-// The surface point of an end: from the line's first sections outwards.
-Eigen::Vector3d TipOfLine(const Volume& volume,
-                          const LimbLine& line,
-                          const Eigen::Vector3d& extremum,
-                          double reach) {
-  const Eigen::Vector3d base = PointAt(line, reach);
-  const Eigen::Vector3d outwards = extremum - base;
-  if (!(outwards.norm() > 0)) return extremum;
-  const Eigen::Vector3d direction = outwards.normalized();
-  const double exit = RayExit(volume, extremum, direction, 0.05);
-  return exit > 0 ? Eigen::Vector3d(extremum + exit * direction) : extremum;
+// The farthest point of the volume in a direction, seen from a square around
+// the base.
+Eigen::Vector3d FarthestPoint(const Volume& volume,
+                              const Eigen::Vector3d& base,
+                              const Eigen::Vector3d& direction,
+                              double half_width,
+                              double max_distance) {
+  constexpr int kSteps = 3;
+  const Eigen::Vector3d a = direction.unitOrthogonal();
+  const Eigen::Vector3d b = direction.cross(a);
+  Eigen::Vector3d farthest = base;
+  double distance = 0;
+  for (int i = -kSteps; i <= kSteps; ++i) {
+    for (int k = -kSteps; k <= kSteps; ++k) {
+      const Eigen::Vector3d start =
+          base + half_width / kSteps * (i * a + k * b);
+      if (volume.Sample(start) >= 0) continue;
+      const double exit = RayExit(volume, start, direction, max_distance);
+      if (exit <= distance) continue;
+      distance = exit;
+      farthest = start + exit * direction;
+    }
+  }
+  return farthest;
+}
+
+// The angle between a limb's parts before and after a place, radians: a joint
+// bends all of it, noise only what is near.
+double LimbBend(const LimbLine& line, double from, double at, double to) {
+  Eigen::Vector3d point, before, after;
+  if (!FitAxis(line, from, at, &point, &before) ||
+      !FitAxis(line, at, to, &point, &after)) {
+    return 0;
+  }
+  return std::acos(std::clamp(before.dot(after), -1.0, 1.0));
 }
 
 class BodyTracer {
@@ -75,8 +126,13 @@ class BodyTracer {
   BodyTracer(const Volume& volume,
              const BodyEnds& ends,
              double height,
-             double floor)
-      : volume_(volume), ends_(ends), height_(height), floor_(floor) {}
+             double floor,
+             const FindCorners& find_corners)
+      : volume_(volume),
+        ends_(ends),
+        height_(height),
+        floor_(floor),
+        find_corners_(find_corners) {}
 
   BodyTrace Run();
 
@@ -91,6 +147,8 @@ class BodyTracer {
                const Eigen::Vector3d& direction) const;
   void FindFacing(std::vector<LimbTrace> arms, std::vector<LimbTrace> legs);
   void FindCrotch();
+  void PlaceLandmarks();
+  const Landmark3* Corner(std::string_view name) const;
   Eigen::Vector3d HipCenter(int side) const;
   void AddLegs();
   void AddTrunk();
@@ -100,15 +158,25 @@ class BodyTracer {
   // A joint at s on a limb's line.
   void AddOnLimb(
       int joint, const LimbLine& line, double s, double along, double across);
-  // A tip, and a point at s to look from.
-  void AddTip(
-      int joint, const LimbLine& line, double s, double along, double across);
+  // Where pictures may show the edges beside that joint.
+  void AddPlace(int joint,
+                const LimbLine& line,
+                double s,
+                const Eigen::Vector3d& tangent);
+  // A tip, seen from the point of the line at place->base in the direction from
+  // the point at s_root to it.
+  void AddTip(const LimbLine& line,
+              double s_base,
+              double s_root,
+              TipPlace place,
+              double sigma);
   Eigen::Vector3d LegPointAtHeight(const LimbTrace& leg, double y) const;
 
   const Volume& volume_;
   const BodyEnds& ends_;
   const double height_;
   const double floor_;
+  const FindCorners& find_corners_;
   BodyTrace result_;
   // Known after AddTrunk: the pelvis, and where the neck is.
   Eigen::Vector3d root_in_world_ = Eigen::Vector3d::Zero();
@@ -129,23 +197,45 @@ void BodyTracer::AddOnLimb(
   const Eigen::Vector3d tangent = TangentAt(line, s);
   result_.landmarks.push_back(MakeLandmark(
       joint, PointAt(line, s), AlongAcross(tangent, along, across)));
+  AddPlace(joint, line, s, tangent);
+}
+
+void BodyTracer::AddPlace(int joint,
+                          const LimbLine& line,
+                          double s,
+                          const Eigen::Vector3d& tangent) {
   for (const LimbSection& section : line) {
     if (section.s < s) continue;
     if (section.free) {
-      result_.limb_places.push_back(
-          {joint, tangent, 1.1 * section.cut.half_axis_long + 0.005});
+      result_.limb_places.push_back({joint,
+                                     PointAt(line, s),
+                                     tangent,
+                                     1.1 * section.cut.half_axis_long + 0.005});
     }
     break;
   }
 }
 
-void BodyTracer::AddTip(
-    int joint, const LimbLine& line, double s, double along, double across) {
-  const Eigen::Vector3d tip =
-      TipOfLine(volume_, line, line.front().point_in_world, s);
+void BodyTracer::AddTip(const LimbLine& line,
+                        double s_base,
+                        double s_root,
+                        TipPlace place,
+                        double sigma) {
+  place.base_in_world = PointAt(line, s_base);
+  const Eigen::Vector3d way = place.base_in_world - PointAt(line, s_root);
+  Eigen::Vector3d tip = line.front().point_in_world;
+  Eigen::Vector3d direction = (tip - place.base_in_world).normalized();
+  if (way.norm() > 0.3 * (s_root - s_base)) {
+    direction = way.normalized();
+    tip = FarthestPoint(volume_,
+                        place.base_in_world,
+                        direction,
+                        place.half_width,
+                        0.15 * height_);
+  }
   result_.landmarks.push_back(
-      MakeLandmark(joint, tip, AlongAcross(TangentAt(line, s), along, across)));
-  result_.tip_places.push_back({joint, PointAt(line, s)});
+      MakeLandmark(place.joint, tip, AlongAcross(direction, sigma, sigma)));
+  result_.tip_places.push_back(place);
 }
 
 LimbTrace BodyTracer::TraceArm(const Extremum& hand) const {
@@ -427,19 +517,33 @@ void BodyTracer::AddLegs() {
     const Eigen::Vector3d ankle = axis_point + along * axis;
     result_.landmarks.push_back(
         MakeLandmark(kAnkle[side], ankle, AlongAcross(axis, sigma, 0.010)));
-    AddTip(kToe[side], leg.line, 0.05 * height_, 0.02, 0.02);
+    // The pictures show the shank where it is narrow; at the joint they show
+    // the foot.
+    AddPlace(kAnkle[side], leg.line, s_shank, axis);
+    AddTip(leg.line,
+           0.04 * height_,
+           0.085 * height_,
+           {.joint = kToe[side],
+            .half_width = 0.022 * height_,
+            .radius = 0.008 * height_,
+            .anatomy_along = 0.013,
+            .anatomy_across = 0.013},
+           0.02);
 
     // The knee: a bend, else the usual share of the way.
-    const double s_ankle = s_shank - 0.033 * height_;
+    const double s_ankle = s_shank - (narrowest - ankle).dot(axis);
     const double leg_length = (hip - ankle).norm();
     double s_knee = s_ankle + 0.51 * leg_length;
-    double along_knee = 0.028;
+    double along_knee = 0.020;
     const Bend bend = SharpestBend(
         leg.line,
         s_ankle + 0.4 * leg_length,
         std::min(s_ankle + 0.62 * leg_length, leg.s_merge - 0.1 * height_),
         0.1 * height_);
-    if (bend.angle > 0.35) {
+    if (bend.angle > 0.35 && LimbBend(leg.line,
+                                      s_ankle + 0.05 * height_,
+                                      bend.s,
+                                      leg.s_merge - 0.03 * height_) > 0.3) {
       s_knee = bend.s;
       along_knee = 0.02;
     }
@@ -448,7 +552,7 @@ void BodyTracer::AddLegs() {
     } else {
       Unsafe(kNames[side], "the knee is hidden");
     }
-    const double hip_sigma = crotch_is_safe_ ? 0.022 : 0.035;
+    const double hip_sigma = crotch_is_safe_ ? 0.018 : 0.03;
     result_.landmarks.push_back(
         MakeLandmark(kHip[side],
                      hip,
@@ -457,19 +561,28 @@ void BodyTracer::AddLegs() {
 }
 
 void BodyTracer::AddTrunk() {
-  // Usual share of the height; the crotch speaks for the person.
-  const double usual = 0.525 * height_;
-  double hip_height = usual;
-  crotch_is_safe_ = result_.crotch_height > 0.42 * height_ &&
-                    result_.crotch_height < 0.53 * height_;
+  // The crotch speaks for the person, the usual share for people.
+  double hip = kUsualHip;
+  double hip_sigma = kUsualHipSigma;
+  const auto fuse = [&](double seen, double sigma) {
+    const double w = 1 / (sigma * sigma);
+    const double w_usual = 1 / (hip_sigma * hip_sigma);
+    hip = (w * seen + w_usual * hip) / (w + w_usual);
+    hip_sigma = 1 / std::sqrt(w + w_usual);
+  };
+  const double merge = result_.crotch_height / height_;
+  crotch_is_safe_ = merge > 0.42 && merge < 0.53;
   if (crotch_is_safe_) {
-    constexpr double kUsualSigma = 0.016;
-    constexpr double kCrotchSigma = 0.025;  // webs hide it from above
-    const double w = 1 / (kCrotchSigma * kCrotchSigma);
-    const double w_usual = 1 / (kUsualSigma * kUsualSigma);
-    hip_height =
-        (w * (result_.crotch_height + 0.06 * height_) + w_usual * usual) /
-        (w + w_usual);
+    const Landmark3* crotch = Corner("crotch");
+    const double seen =
+        crotch == nullptr ? 0 : (crotch->point_in_world.y() - floor_) / height_;
+    if (seen > 0.39 && seen < 0.53) {
+      fuse(seen + kCrotchToHip,
+           std::hypot(kCrotchToHipSigma,
+                      std::sqrt(crotch->covariance(1, 1)) / height_));
+    } else {
+      fuse(merge + kMergeToHip, kMergeToHipSigma);
+    }
   } else {
     const std::string why = result_.crotch_height > 0
                                 ? "legs merge (skirt or closed legs)"
@@ -477,6 +590,7 @@ void BodyTracer::AddTrunk() {
     Unsafe("l_leg", why);
     Unsafe("r_leg", why);
   }
+  const double hip_height = hip * height_;
   Eigen::Vector3d middle = 0.5 * (volume_.BoxMin() + volume_.BoxMax());
   if (result_.leg[kLeft] && result_.leg[kRight]) {
     middle =
@@ -494,7 +608,7 @@ void BodyTracer::AddTrunk() {
       kRoot,
       root_in_world_,
       AlongAcross(
-          Eigen::Vector3d::UnitY(), crotch_is_safe_ ? 0.022 : 0.035, 0.018)));
+          Eigen::Vector3d::UnitY(), crotch_is_safe_ ? 0.018 : 0.03, 0.016)));
 }
 
 void BodyTracer::AddArms() {
@@ -503,19 +617,28 @@ void BodyTracer::AddArms() {
   static constexpr int kElbow[] = {kLElbow, kRElbow};
   static constexpr int kWrist[] = {kLWrist, kRWrist};
   static constexpr int kTip[] = {kLHandEnd, kRHandEnd};
+  static constexpr const char* kArmpit[] = {"l_armpit", "r_armpit"};
   for (const int side : {kLeft, kRight}) {
     if (!result_.arm[side]) {
       Unsafe(kNames[side], "no hand stands out");
       continue;
     }
     const LimbTrace& arm = *result_.arm[side];
-    // Which finger stands out most depends on the hand.
-    AddTip(kTip[side], arm.line, 0.03 * height_, 0.022, 0.022);
     const double s_wrist = arm.s_wrist_or_ankle;
+    // Which finger stands out most depends on the hand.
+    AddTip(arm.line,
+           0.055 * height_,
+           s_wrist,
+           {.joint = kTip[side],
+            .half_width = 0.02 * height_,
+            .radius = 0.005 * height_,
+            .anatomy_along = 0.007,
+            .anatomy_across = 0.007},
+           0.022);
     AddOnLimb(kWrist[side],
               arm.line,
               s_wrist,
-              arm.is_clear ? 0.014 : 0.03,
+              arm.is_clear ? 0.010 : 0.020,
               arm.is_clear ? 0.007 : 0.012);
     Eigen::Vector3d axis_point, axis;
     if (!FitAxis(arm.line,
@@ -526,18 +649,40 @@ void BodyTracer::AddArms() {
       Unsafe(kNames[side], "the upper arm cannot be followed");
       continue;
     }
-    double s_shoulder = arm.s_merge + kArmpitToShoulder * height_;
-    double along_shoulder = 0.035;
-    double across_shoulder = 0.02;
+    // Distances along the arm are counted from its last section.
+    const Eigen::Vector3d last = PointAt(arm.line, arm.s_merge);
+    double s_shoulder = arm.s_merge + kMergeToShoulder * height_;
+    double along_shoulder = 0.03;
+    double across_shoulder = 0.018;
     if (arm.merges_early) {
-      Unsafe(kNames[side], "the arm merges with the trunk below the armpit");
       // As far as arms usually reach, in the direction last seen.
       s_shoulder = std::max(s_shoulder, s_wrist + kWristToShoulder * height_);
-      along_shoulder = 0.05;
+      along_shoulder = 0.075;
       // Only a forearm: the upper arm may go another way.
       across_shoulder = arm.s_merge < s_wrist + 0.19 * height_ ? 0.1 : 0.04;
     }
-    const Eigen::Vector3d last = PointAt(arm.line, arm.s_merge);
+    const Landmark3* armpit = Corner(kArmpit[side]);
+    bool armpit_is_safe = false;
+    if (armpit != nullptr && across_shoulder < 0.1) {
+      const ArmpitOffset offset =
+          ArmpitOffsetAt(std::acos(std::clamp(axis.y(), -1.0, 1.0)));
+      const double seen = arm.s_merge +
+                          (armpit->point_in_world - last).dot(axis) +
+                          offset.along * height_;
+      const double reach = (seen - s_wrist) / height_;
+      // From the wrist arms reach a usual distance; otherwise the corner was
+      // another one.
+      if (reach > 0.22 && reach < 0.4) {
+        armpit_is_safe = true;
+        s_shoulder = seen;
+        along_shoulder = std::sqrt(std::pow(offset.sigma * height_, 2) +
+                                   axis.dot(armpit->covariance * axis));
+        across_shoulder = 0.016;
+      }
+    }
+    if (arm.merges_early && !armpit_is_safe) {
+      Unsafe(kNames[side], "the arm merges with the trunk below the armpit");
+    }
     const double along =
         (last - axis_point).dot(axis) + s_shoulder - arm.s_merge;
     const Eigen::Vector3d shoulder = axis_point + along * axis;
@@ -545,6 +690,10 @@ void BodyTracer::AddArms() {
         MakeLandmark(kShoulder[side],
                      shoulder,
                      AlongAcross(axis, along_shoulder, across_shoulder)));
+    if (armpit_is_safe) {
+      result_.landmarks.back().source = "both";
+      result_.landmarks.back().num_views = armpit->num_views;
+    }
     double s_elbow = s_shoulder - 0.515 * (s_shoulder - s_wrist);
     double along_elbow = 0.03;
     const Bend bend = SharpestBend(
@@ -552,7 +701,9 @@ void BodyTracer::AddArms() {
         s_elbow - 0.06 * height_,
         std::min(s_elbow + 0.06 * height_, arm.s_merge - 0.08 * height_),
         0.08 * height_);
-    if (bend.angle > 0.35) {
+    if (bend.angle > 0.35 &&
+        LimbBend(arm.line, s_wrist, bend.s, arm.s_merge - 0.03 * height_) >
+            0.3) {
       s_elbow = bend.s;
       along_elbow = 0.018;
     }
@@ -605,24 +756,40 @@ void BodyTracer::AddHead() {
       below > kFirstNeck + kMargin && below < kLastNeck - kMargin;
   if (!is_clear) narrow = usual;
   const Eigen::Vector3d down = (root_in_world_ - narrow).normalized();
+  constexpr double kNeckLean = 0.27;  // forwards, going up (template)
+  const Eigen::Vector3d neck_axis =
+      (down - kNeckLean * result_.facing_in_world).normalized();
+  result_.neck =
+      BodyTrace::NeckPlace{narrow, down, neck_axis, 0.07 * height_, is_clear};
   // C7 lies behind the middle of the neck, a vertebra behind that of the waist.
   const Eigen::Vector3d neck = narrow + 0.015 * height_ * down -
                                0.01 * height_ * result_.facing_in_world;
   result_.landmarks.push_back(MakeLandmark(
-      kNeck, neck, AlongAcross(down, is_clear ? 0.022 : 0.04, 0.018)));
+      kNeck,
+      neck,
+      AlongAcross(down, is_clear ? 0.016 : 0.035, is_clear ? 0.009 : 0.02)));
   // The crown: up from the middle of the head.
   Eigen::Vector3d head_middle = PointAt(line, 0.06 * height_);
-  const Eigen::Vector3d head_up = (head_middle - narrow).normalized();
+  // From the neck's middle to the head's, heads lean forward (template).
+  constexpr double kHeadLean = 0.16;
+  const Eigen::Vector3d head_up = ((head_middle - narrow).normalized() -
+                                   kHeadLean * result_.facing_in_world)
+                                      .normalized();
   const double exit = RayExit(volume_, head_middle, head_up, 0.2 * height_);
   const Eigen::Vector3d crown =
       exit > 0 ? Eigen::Vector3d(head_middle + exit * head_up)
                : ends_.head->point_in_world;
   result_.landmarks.push_back(
       MakeLandmark(kHeadEnd, crown, AlongAcross(head_up, 0.015, 0.025)));
-  result_.tip_places.push_back({kHeadEnd, head_middle});
+  result_.tip_places.push_back({.joint = kHeadEnd,
+                                .base_in_world = head_middle,
+                                .half_width = 0.04 * height_,
+                                .radius = 0.05 * height_,
+                                .anatomy_along = 0.01,
+                                .anatomy_across = 0.014});
   const Eigen::Vector3d head = crown - 0.085 * height_ * head_up;
   result_.landmarks.push_back(
-      MakeLandmark(kHead, head, AlongAcross(head_up, 0.025, 0.03)));
+      MakeLandmark(kHead, head, AlongAcross(head_up, 0.018, 0.015)));
 
   const Eigen::Vector3d up = (neck - root_in_world_).normalized();
   Eigen::Vector3d spine = root_in_world_ + 0.095 * height_ * up;
@@ -630,7 +797,26 @@ void BodyTracer::AddHead() {
   if (cut.found) spine = cut.centroid_in_world;
   spine -= 0.02 * height_ * result_.facing_in_world;
   result_.landmarks.push_back(
-      MakeLandmark(kSpine, spine, AlongAcross(up, 0.05, 0.025)));
+      MakeLandmark(kSpine, spine, AlongAcross(up, 0.035, 0.02)));
+}
+
+const Landmark3* BodyTracer::Corner(std::string_view name) const {
+  for (const Landmark3& corner : result_.corners) {
+    if (corner.name == name) return &corner;
+  }
+  return nullptr;
+}
+
+void BodyTracer::PlaceLandmarks() {
+  result_.landmarks.clear();
+  result_.limb_places.clear();
+  result_.tip_places.clear();
+  result_.unsafe_limbs.clear();
+  result_.warnings.clear();
+  AddTrunk();
+  AddHead();
+  AddArms();
+  AddLegs();
 }
 
 BodyTrace BodyTracer::Run() {
@@ -640,10 +826,11 @@ BodyTrace BodyTracer::Run() {
   for (const Extremum& foot : ends_.feet) legs.push_back(TraceLeg(foot));
   FindFacing(std::move(arms), std::move(legs));
   FindCrotch();
-  AddTrunk();
-  AddHead();
-  AddArms();
-  AddLegs();
+  PlaceLandmarks();
+  if (find_corners_) {
+    result_.corners = find_corners_(result_.landmarks);
+    if (!result_.corners.empty()) PlaceLandmarks();
+  }
   return std::move(result_);
 }
 
@@ -684,8 +871,9 @@ BodyEnds NameExtrema(const std::vector<Extremum>& extrema,
 BodyTrace TraceBody(const Volume& volume,
                     const BodyEnds& ends,
                     double body_height,
-                    double floor) {
-  return BodyTracer(volume, ends, body_height, floor).Run();
+                    double floor,
+                    const FindCorners& find_corners) {
+  return BodyTracer(volume, ends, body_height, floor, find_corners).Run();
 }
 
 }  // namespace sweepfit

@@ -3,10 +3,12 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "solver/landmark_contours.h"
 #include "solver/landmark_graph.h"
 #include "solver/landmark_limbs.h"
 #include "solver/landmarks.h"
@@ -48,26 +50,41 @@ struct BodyTrace {
   double facing_confidence = 0;
   double crotch_height = 0;  // above the floor, metres; 0: not found
   std::vector<Landmark3> landmarks;
-  // For joints within a free limb: where to look for its edges in pictures.
+  std::vector<Landmark3> corners;  // armpits, crotch
+  // For joints of a limb: where to look for its edges in pictures. What moves
+  // this point across the limb moves the joint.
   struct LimbPlace {
     int joint;
+    Eigen::Vector3d point_in_world;
     Eigen::Vector3d direction;  // unit, of the limb
     double max_half_width;      // metres
   };
   std::vector<LimbPlace> limb_places;
-  // For tips: a point further inside.
-  struct TipPlace {
-    int joint;
-    Eigen::Vector3d base_in_world;
-  };
   std::vector<TipPlace> tip_places;
+  // The narrowest place between head and shoulders, where there is one.
+  struct NeckPlace {
+    Eigen::Vector3d center_in_world;
+    Eigen::Vector3d down;  // unit, towards the pelvis
+    Eigen::Vector3d axis;  // unit, of the neck itself, downwards
+    double max_half_width;
+    bool is_clear;
+  };
+  std::optional<NeckPlace> neck;
   std::vector<std::string> unsafe_limbs;
   std::vector<std::string> warnings;
 };
 
+// Armpits and crotch as features ("l_armpit", "r_armpit", "crotch"), found with
+// the help of rough landmarks.
+using FindCorners =
+    std::function<std::vector<Landmark3>(const std::vector<Landmark3>& rough)>;
+
+// Landmarks from the volume, and shoulders and hips from the corners of the
+// outline beside them where these are found. `find_corners` may be empty.
 BodyTrace TraceBody(const Volume& volume,
                     const BodyEnds& ends,
                     double body_height,
-                    double floor);
+                    double floor,
+                    const FindCorners& find_corners);
 
 }  // namespace sweepfit

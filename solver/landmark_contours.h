@@ -3,25 +3,31 @@
 
 #include <Eigen/Core>
 #include <optional>
-#include <string>
-#include <vector>
 
 #include "capture/silhouette.h"
-#include "solver/landmarks.h"
+#include "solver/landmark_triangulation.h"
 
+// Landmarks of the outline in one picture: middles of limbs, tips, corners.
 namespace sweepfit {
+
+// Pixels from `start` (inside) along the unit direction to the edge of the
+// silhouette; negative when there is none within `limit` or no `clearance`
+// pixels of background behind it.
+double FindEdge(const View& view,
+                const Eigen::Vector2d& start,
+                const Eigen::Vector2d& direction,
+                double limit,
+                double clearance);
 
 // The middle between the two silhouette edges beside a limb in one view.
 struct EdgeMidpoint {
-  Eigen::Vector2d pinhole_pixel;
-  Eigen::Vector2d across;  // unit, from edge to edge
-  double half_width = 0;   // metres at the limb's depth
-  double sigma = 0;        // pixels, across the limb
+  PointObservation observation;  // known across the limb only
+  double half_width = 0;         // metres at the limb's depth
 };
 
 // Looks from the projection of a point on a limb perpendicularly to the limb's
 // direction for the edges on either side. Nothing when the view looks along
-// the limb, when the point is not inside, when an edge is farther away than
+// the limb, when the point is not inside, when the limb is wider than
 // `max_half_width` (metres), or when no background follows an edge, so that
 // something else may hide the limb's own.
 std::optional<EdgeMidpoint> MeasureLimb(
@@ -30,39 +36,40 @@ std::optional<EdgeMidpoint> MeasureLimb(
     const Eigen::Vector3d& unit_limb_direction,
     double max_half_width);
 
-// Improves a landmark of a limb across its direction: midpoints are centres of
-// the limb, the same in every view, while the edges themselves are different
-// points of the skin. Minimises
-//   sum_i rho_Huber(a_i . (pi_i(X) - m_i) / sigma_i)
-//     + |X - X_0|^2 in the landmark's covariance, widened across the limb,
-// by Gauss-Newton; appends what the views showed to `points`. Unchanged with
-// fewer than two agreeing views.
-void RefineAcrossLimb(const std::vector<View>& views,
-                      const Eigen::Vector3d& unit_limb_direction,
-                      double max_half_width,
-                      Landmark3* landmark,
-                      std::vector<Landmark2>* points);
+// An end of a limb as the volume shows it.
+struct TipPlace {
+  int joint = -1;
+  // Within the limb, a few centimetres inside.
+  Eigen::Vector3d base_in_world = Eigen::Vector3d::Zero();
+  double half_width = 0;  // of the limb at its base, metres
+  double radius = 0;      // of the rounding of the tip, metres
+  // How far the farthest point may be from the joint that is meant: hair,
+  // shoes, which finger is longest; metres along and across the limb.
+  double anatomy_along = 0, anatomy_across = 0;
+};
 
-// The silhouette's edge beyond a tip (finger, toe, crown), seen from a point
-// inside the limb, in every view that shows it before background.
-void MeasureTip(const std::vector<View>& views,
-                const Landmark3& tip,
-                const Eigen::Vector3d& base_in_world,
-                std::vector<Landmark2>* points);
+// The outline's farthest point in the direction from the limb's base to the
+// tip (finger tips, toes, crown). The edge there is a tangent to the rounded
+// tip, not the tip itself: seen at an angle it reaches farther by
+// radius (1 - cos); that is taken off. Nothing when the limb is seen shortened
+// by more than half, or no background follows within 3 cm of the tip.
+std::optional<PointObservation> MeasureTip(const View& view,
+                                           const TipPlace& place,
+                                           const Eigen::Vector3d& tip_in_world);
 
-// The silhouette's corner between two limbs (armpit, crotch, neck) in every
-// view that shows background between them: walking from the middle of the two
-// limb points towards the joint where the limbs meet, the first point of the
-// silhouette, if it lies within `max_distance` (metres) of the joint: limbs
-// that hide each other meet elsewhere in the picture. Views see different
-// points of the skin there, so corners are not triangulated; they are for
-// overlays and for other programs.
-void MeasureCorner(const std::vector<View>& views,
-                   const std::string& name,
-                   const Eigen::Vector3d& limb_in_world,
-                   const Eigen::Vector3d& other_limb_in_world,
-                   const Eigen::Vector3d& joint_in_world,
-                   double max_distance,
-                   std::vector<Landmark2>* points);
+// The outline's corner between two limbs (armpit, crotch, neck): the deepest
+// background between them that can be reached from the middle of the two limb
+// points, within the triangle of these and the joint where the limbs meet, and
+// within `max_distance` (metres) of that joint; limbs that hide each other meet
+// elsewhere in the picture. Views touch the fold of skin between the limbs at
+// different points of it, so the covariance holds the size of a fold, for a
+// person of this stature (metres).
+std::optional<PointObservation> MeasureCorner(
+    const View& view,
+    const Eigen::Vector3d& limb_in_world,
+    const Eigen::Vector3d& other_limb_in_world,
+    const Eigen::Vector3d& joint_in_world,
+    double max_distance,
+    double stature);
 
 }  // namespace sweepfit

@@ -8,8 +8,10 @@
 
 #include "model/input_error.h"
 #include "solver/landmark_body.h"
-#include "solver/landmark_contours.h"
 #include "solver/landmark_graph.h"
+#include "solver/landmark_keypoints.h"
+#include "solver/landmark_paper.h"
+#include "solver/landmark_refine.h"
 
 namespace sweepfit {
 namespace {
@@ -18,54 +20,6 @@ namespace {
 constexpr double kGraphResolution = 140;
 // Ends that stick out less than this share of the body height are none.
 constexpr double kMinProminence = 0.2;
-
-// Looks for the edges of limbs and for tips in every picture.
-void MeasureInViews(const std::vector<View>& views,
-                    const BodyTrace& body,
-                    LandmarkResult* result) {
-  for (Landmark3& landmark : result->landmarks) {
-    for (const BodyTrace::LimbPlace& place : body.limb_places) {
-      if (place.joint != landmark.joint) continue;
-      RefineAcrossLimb(views,
-                       place.direction,
-                       place.max_half_width,
-                       &landmark,
-                       &result->points);
-    }
-    for (const BodyTrace::TipPlace& place : body.tip_places) {
-      if (place.joint != landmark.joint) continue;
-      MeasureTip(views, landmark, place.base_in_world, &result->points);
-    }
-  }
-}
-
-// Corners of the outline lie this close to the joint behind them, of stature.
-constexpr double kCornerReach = 0.09;
-
-// Armpits, crotch and the corners of the neck, between the limbs beside them.
-void MeasureCorners(const std::vector<View>& views, LandmarkResult* result) {
-  const auto measure = [&](const std::string& name,
-                           std::string_view limb,
-                           std::string_view other_limb,
-                           std::string_view joint) {
-    const Landmark3* a = result->Find(limb);
-    const Landmark3* b = result->Find(other_limb);
-    const Landmark3* corner = result->Find(joint);
-    if (a == nullptr || b == nullptr || corner == nullptr) return;
-    MeasureCorner(views,
-                  name,
-                  a->point_in_world,
-                  b->point_in_world,
-                  corner->point_in_world,
-                  kCornerReach * result->stature,
-                  &result->points);
-  };
-  measure("crotch", "l_ankle", "r_ankle", "root");
-  measure("l_armpit", "l_wrist", "l_hip", "l_shoulder");
-  measure("r_armpit", "r_wrist", "r_hip", "r_shoulder");
-  measure("l_neck", "head_end", "l_elbow", "neck");
-  measure("r_neck", "head_end", "r_elbow", "neck");
-}
 
 // Standing upright, the crown's height above the floor, with hair and shoes in
 // the spread; else the limbs' usual shares of the stature.
@@ -112,8 +66,45 @@ void EstimateStature(double height, LandmarkResult* result) {
   result->stature_sigma = 0.05;
 }
 
+// Appends what was triangulated from keypoints, and doubts the sides when they
+// contradict the outline's.
+void AddKeypoints(const std::vector<View>& views,
+                  const std::vector<Keypoint2>& keypoints,
+                  std::vector<std::string>* warnings,
+                  LandmarkResult* result) {
+  if (keypoints.empty()) return;
+  const std::vector<Landmark3> found =
+      TriangulateKeypoints(views, keypoints, &result->points);
+  if (found.empty()) {
+    warnings->push_back("no keypoint is agreed on by two views");
+  }
+  Eigen::Vector3d left = Eigen::Vector3d::Zero();
+  for (const Landmark3& landmark : found) {
+    if (landmark.name == "l_hip" || landmark.name == "l_shoulder") {
+      left += landmark.point_in_world;
+    } else if (landmark.name == "r_hip" || landmark.name == "r_shoulder") {
+      left -= landmark.point_in_world;
+    }
+    (landmark.joint >= 0 ? result->landmarks : result->features)
+        .push_back(landmark);
+  }
+  // Half a person (one shoulder only) would leave a position, not a direction.
+  const bool has_sides =
+      std::count_if(found.begin(), found.end(), [](const Landmark3& landmark) {
+        return landmark.joint == kLHip || landmark.joint == kRHip ||
+               landmark.joint == kLShoulder || landmark.joint == kRShoulder;
+      }) == 4;
+  const Eigen::Vector3d outline_left =
+      Eigen::Vector3d::UnitY().cross(result->facing_in_world);
+  if (has_sides && left.dot(outline_left) < 0) {
+    warnings->push_back(
+        "the keypoints' left is the outline's right: check their names");
+  }
+}
+
 void Summarize(const LandmarkResult& result,
                const BodyTrace& body,
+               const LandmarkOptions& options,
                Progress* progress,
                StageSummary* summary) {
   for (const std::string& warning : body.warnings) {
@@ -123,7 +114,7 @@ void Summarize(const LandmarkResult& result,
   summary->status = body.warnings.empty() ? "ok" : "weak";
   summary->warnings = body.warnings;
   auto& figures = summary->figures;
-  figures["mode"] = "multiview";
+  figures["mode"] = options.mode;
   figures["facing_confidence"] = result.facing_confidence;
   figures["stature"] = result.stature;
   figures["stature_sigma"] = result.stature_sigma;
@@ -131,32 +122,38 @@ void Summarize(const LandmarkResult& result,
   figures["unsafe_limbs"] = result.unsafe_limbs;
   auto& found = figures["landmarks"];
   found = nlohmann::ordered_json::object();
-  for (const Landmark3& landmark : result.landmarks) {
-    found[landmark.name] = {
-        {"source", landmark.source},
-        {"num_views", landmark.num_views},
-        {"sigma_rms", std::sqrt(landmark.covariance.trace() / 3)}};
+  for (const auto* list : {&result.landmarks, &result.features}) {
+    for (const Landmark3& landmark : *list) {
+      const std::string name =
+          (landmark.source == "keypoint" ? "keypoint " : "") + landmark.name;
+      found[name] = {{"source", landmark.source},
+                     {"num_views", landmark.num_views},
+                     {"sigma_rms", std::sqrt(landmark.covariance.trace() / 3)}};
+    }
   }
 }
 
 }  // namespace
 
 std::optional<std::string> LandmarkOptions::Check() const {
-  if (mode != "multiview") {
-    return "landmarks.mode: must be multiview, not '" + mode + "'";
+  if (mode != "multiview" && mode != "paper") {
+    return "landmarks.mode: must be multiview or paper, not '" + mode + "'";
   }
   return std::nullopt;
 }
 
 const Landmark3* LandmarkResult::Find(std::string_view name) const {
-  for (const Landmark3& landmark : landmarks) {
-    if (landmark.name == name) return &landmark;
+  for (const auto* list : {&landmarks, &features}) {
+    for (const Landmark3& landmark : *list) {
+      if (landmark.name == name) return &landmark;
+    }
   }
   return nullptr;
 }
 
 LandmarkResult FindLandmarks(const std::vector<View>& views,
                              const Volume& volume,
+                             const std::vector<Keypoint2>& keypoints,
                              const LandmarkOptions& options,
                              Progress* progress,
                              StageSummary* summary) {
@@ -171,9 +168,16 @@ LandmarkResult FindLandmarks(const std::vector<View>& views,
   const std::vector<Extremum> extrema =
       FindExtrema(graph, height, kMinProminence * height, 6);
   const BodyEnds ends = NameExtrema(extrema, height, result.floor_height);
-  BodyTrace body = TraceBody(volume, ends, height, result.floor_height);
+  BodyTrace body = TraceBody(volume,
+                             ends,
+                             height,
+                             result.floor_height,
+                             [&](const std::vector<Landmark3>& rough) {
+                               return TriangulateCorners(
+                                   views, rough, height, &result.points);
+                             });
   result.landmarks = std::move(body.landmarks);
-  MeasureInViews(views, body, &result);
+  result.features = std::move(body.corners);
   std::sort(result.landmarks.begin(),
             result.landmarks.end(),
             [](const auto& a, const auto& b) { return a.joint < b.joint; });
@@ -181,8 +185,16 @@ LandmarkResult FindLandmarks(const std::vector<View>& views,
   result.facing_confidence = body.facing_confidence;
   result.unsafe_limbs = body.unsafe_limbs;
   EstimateStature(height, &result);
-  MeasureCorners(views, &result);
-  Summarize(result, body, progress, summary);
+  if (options.mode == "paper") {
+    result.points.clear();
+    result.features.clear();
+    result.landmarks = FindPaperLandmarks(
+        views, volume, graph, result.facing_in_world, &result.points);
+  } else {
+    RefineInViews(views, body, &result);
+  }
+  AddKeypoints(views, keypoints, &body.warnings, &result);
+  Summarize(result, body, options, progress, summary);
   return result;
 }
 

@@ -5,7 +5,9 @@
 #include <array>
 #include <chrono>
 #include <functional>
+#include <utility>
 
+#include "capture/keypoints.h"
 #include "model/export_names.h"
 #include "model/input_error.h"
 #include "model/template.h"
@@ -103,6 +105,14 @@ Observation Observe(const Capture& capture,
   const int until = FindFitStage(options.until);
   Observation seen;
   seen.pose = pose_name;
+  // Bad keypoints are told before any work.
+  std::vector<Keypoint2> keypoints;
+  if (options.landmarks.keypoints != "none") {
+    for (Keypoint2& keypoint :
+         LoadKeypoints(options.landmarks.keypoints, capture)) {
+      if (keypoint.pose == pose_name) keypoints.push_back(std::move(keypoint));
+    }
+  }
   RunStage(
       "segment",
       pose_name,
@@ -131,8 +141,12 @@ Observation Observe(const Capture& capture,
       "landmarks",
       pose_name,
       [&](StageSummary* summary) {
-        seen.landmarks = FindLandmarks(
-            seen.views, *seen.volume, options.landmarks, progress, summary);
+        seen.landmarks = FindLandmarks(seen.views,
+                                       *seen.volume,
+                                       keypoints,
+                                       options.landmarks,
+                                       progress,
+                                       summary);
       },
       progress,
       &seen.stages);

@@ -9,6 +9,8 @@
 #include <cmath>
 #include <numbers>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "tests/volume/capsule_person.h"
 
@@ -26,7 +28,9 @@ constexpr double kN = 0.3;
 
 LandmarkResult Find(const CapsulePerson& person,
                     StageSummary* summary = nullptr,
-                    double roll = 0) {
+                    double roll = 0,
+                    const std::string& mode = "multiview",
+                    const std::vector<Joint>& keypoints = {}) {
   const Eigen::Vector3d target(
       person.joint[kRoot].x(), 0.85, person.joint[kRoot].z());
   const std::vector<View> views =
@@ -34,7 +38,19 @@ LandmarkResult Find(const CapsulePerson& person,
   HullOptions hull;
   hull.voxel_size = 0.006;
   const Volume volume = BuildVisualHull(views, hull, nullptr, nullptr);
-  return FindLandmarks(views, volume, LandmarkOptions(), nullptr, summary);
+  std::vector<Keypoint2> seen;
+  for (const Joint joint : keypoints) {
+    for (const View& view : views) {
+      seen.push_back({view.camera.id,
+                      "A",
+                      std::string(kJointNames[joint]),
+                      view.camera.Project(person.joint[joint]),
+                      2});
+    }
+  }
+  LandmarkOptions options;
+  options.mode = mode;
+  return FindLandmarks(views, volume, seen, options, nullptr, summary);
 }
 
 struct Stance {
@@ -153,9 +169,102 @@ TEST(LandmarksTest, FindsCornersOfTheOutline) {
           return p.name == name;
         });
     EXPECT_GE(seen, 2) << name;
+    const Landmark3* corner = result.Find(name);
+    ASSERT_NE(corner, nullptr) << name;
+    EXPECT_EQ(corner->joint, -1) << name;
+    EXPECT_EQ(corner->num_views, seen) << name;
+    const int joint = name[0] == 'c'   ? kRoot
+                      : name[0] == 'l' ? kLShoulder
+                                       : kRShoulder;
+    EXPECT_LT((corner->point_in_world - person.joint[joint]).norm(), 0.16)
+        << name;
+    // Below the joint, between the limbs.
+    EXPECT_LT(corner->point_in_world.y(), person.joint[joint].y()) << name;
   }
   for (const Landmark2& point : result.points) {
     EXPECT_GT(point.covariance.determinant(), 0) << point.name;
+  }
+}
+
+// Tips are the farthest points of the outline: a capsule's end.
+TEST(LandmarksTest, TipsComeFromTheOutline) {
+  const CapsulePerson person = MakePerson(kA, 0.4, {0, 0, 0});
+  const LandmarkResult result = Find(person);
+  for (const char* name :
+       {"head_end", "l_hand_end", "r_hand_end", "l_foot_end", "r_foot_end"}) {
+    const Landmark3& landmark = *result.Find(name);
+    EXPECT_EQ(landmark.source, "contour") << name;
+    EXPECT_GE(landmark.num_views, 2) << name;
+  }
+  for (const int joint : {kLHandEnd, kRHandEnd, kHeadEnd}) {
+    const Landmark3& landmark = *result.Find(kJointNames[joint]);
+    EXPECT_LT((landmark.point_in_world - person.joint[joint]).norm(), 0.02)
+        << landmark.name;
+  }
+}
+
+TEST(LandmarksTest, KeypointsAreFurtherLandmarks) {
+  const CapsulePerson person = MakePerson(kA, 0.4, {0, 0, 0});
+  StageSummary summary;
+  const LandmarkResult result =
+      Find(person, &summary, 0, "multiview", {kLShoulder, kRElbow});
+  int count = 0;
+  for (const Landmark3& landmark : result.landmarks) {
+    if (landmark.source != "keypoint") continue;
+    ++count;
+    EXPECT_LT((landmark.point_in_world - person.joint[landmark.joint]).norm(),
+              1e-3)
+        << landmark.name;
+  }
+  EXPECT_EQ(count, 2);
+  // The outline's own come first.
+  EXPECT_NE(result.Find("l_shoulder")->source, "keypoint");
+  EXPECT_TRUE(summary.figures["landmarks"].contains("keypoint l_shoulder"));
+}
+
+TEST(LandmarksTest, DoubtsKeypointsOfTheWrongSide) {
+  CapsulePerson person = MakePerson(kA, 0.4, {0, 0, 0});
+  StageSummary summary;
+  Find(
+      person, &summary, 0, "multiview", {kLShoulder, kRShoulder, kLHip, kRHip});
+  EXPECT_TRUE(summary.warnings.empty());
+  std::swap(person.joint[kLShoulder], person.joint[kRShoulder]);
+  std::swap(person.joint[kLHip], person.joint[kRHip]);
+  Find(
+      person, &summary, 0, "multiview", {kLShoulder, kRShoulder, kLHip, kRHip});
+  EXPECT_FALSE(summary.warnings.empty());
+}
+
+// The paper's two views and linear map: a baseline, several centimetres off.
+TEST(LandmarksTest, PaperModeFindsTheBody) {
+  for (const double yaw : {0.0, 2.0}) {
+    const CapsulePerson person = MakePerson(kA, yaw, {0.5, 0, 0});
+    StageSummary summary;
+    const LandmarkResult result = Find(person, &summary, 0, "paper");
+    EXPECT_EQ(summary.figures["mode"], "paper");
+    for (const int joint : {kRoot,
+                            kNeck,
+                            kHeadEnd,
+                            kLShoulder,
+                            kRShoulder,
+                            kLElbow,
+                            kRElbow,
+                            kLWrist,
+                            kRWrist,
+                            kLHandEnd,
+                            kRHandEnd,
+                            kLKnee,
+                            kRKnee,
+                            kLAnkle,
+                            kRAnkle,
+                            kLFootEnd,
+                            kRFootEnd}) {
+      const Landmark3* landmark = result.Find(kJointNames[joint]);
+      ASSERT_NE(landmark, nullptr) << kJointNames[joint];
+      EXPECT_LT((landmark->point_in_world - person.joint[joint]).norm(), 0.12)
+          << landmark->name << " at yaw " << yaw;
+    }
+    EXPECT_FALSE(result.points.empty());
   }
 }
 
@@ -202,6 +311,8 @@ TEST(LandmarksTest, SameTwice) {
 
 TEST(LandmarkOptionsTest, KnowsItsModes) {
   LandmarkOptions options;
+  EXPECT_FALSE(options.Check());
+  options.mode = "paper";
   EXPECT_FALSE(options.Check());
   options.mode = "guess";
   EXPECT_TRUE(options.Check());
