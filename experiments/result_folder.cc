@@ -165,7 +165,7 @@ class Writer {
     }
     if (RunsStage(options_, "joints")) content.frames = &job->pose->frames;
     if (RunsStage(options_, "landmarks")) {
-      content.landmarks = &job->pose->landmarks.points;
+      content.landmarks = &job->pose->seen->landmarks.points;
     }
     WritePicture(folder_ / "overlays" / (job->name + ".png"),
                  DrawOverlay(*job->view, content));

@@ -52,7 +52,7 @@ std::vector<Entry> Entries(FitOptions* o) {
       {"landmarks.mode", &o->landmarks.mode, "multiview | paper"},
       {"landmarks.keypoints",
        &o->landmarks.keypoints,
-       "file or folder of 2-D keypoints made elsewhere"},
+       "none, or file or folder of 2-D keypoints made elsewhere"},
       {"joints.mode", &o->joints.mode, "sigma | simplex | paper"},
       {"joints.weights.landmark", &w.landmark, "what the pictures say"},
       {"joints.weights.template_ratio",

@@ -652,8 +652,8 @@ void BodyTracer::AddArms() {
     // Distances along the arm are counted from its last section.
     const Eigen::Vector3d last = PointAt(arm.line, arm.s_merge);
     double s_shoulder = arm.s_merge + kMergeToShoulder * height_;
-    double along_shoulder = 0.03;
-    double across_shoulder = 0.018;
+    double along_shoulder = 0.028;
+    double across_shoulder = 0.016;
     if (arm.merges_early) {
       // As far as arms usually reach, in the direction last seen.
       s_shoulder = std::max(s_shoulder, s_wrist + kWristToShoulder * height_);

@@ -41,8 +41,8 @@ struct LandmarkOptions {
   // paper: contour features of the most frontal and the most lateral view and
   // the linear map from picture to volume.
   std::string mode = "multiview";
-  // 2-D keypoints made elsewhere (LoadKeypoints), used besides; "": none.
-  std::string keypoints;
+  // File or folder of 2-D keypoints made elsewhere (LoadKeypoints), or none.
+  std::string keypoints = "none";
   std::optional<std::string> Check() const;
 };
 
