@@ -653,7 +653,7 @@ void BodyTracer::AddArms() {
     const Eigen::Vector3d last = PointAt(arm.line, arm.s_merge);
     double s_shoulder = arm.s_merge + kMergeToShoulder * height_;
     double along_shoulder = 0.028;
-    double across_shoulder = 0.016;
+    double across_shoulder = 0.015;
     if (arm.merges_early) {
       // As far as arms usually reach, in the direction last seen.
       s_shoulder = std::max(s_shoulder, s_wrist + kWristToShoulder * height_);
@@ -677,7 +677,7 @@ void BodyTracer::AddArms() {
         s_shoulder = seen;
         along_shoulder = std::sqrt(std::pow(offset.sigma * height_, 2) +
                                    axis.dot(armpit->covariance * axis));
-        across_shoulder = 0.016;
+        across_shoulder = 0.015;
       }
     }
     if (arm.merges_early && !armpit_is_safe) {

@@ -82,7 +82,7 @@ TEST_P(LandmarkTemplateTest, SpeaksOfTheTemplatesJoints) {
                                                  {"head_end", 0.015},
                                                  {"l_shoulder", 0.055},
                                                  {"l_elbow", 0.035},
-                                                 {"l_wrist", 0.015},
+                                                 {"l_wrist", 0.03},
                                                  {"l_hand_end", 0.015},
                                                  {"l_hip", 0.03},
                                                  {"l_knee", 0.022},
