@@ -76,6 +76,7 @@ int Run(int argc, char** argv) {
   AddDemoVerb(&command, &run);
   AddEvaluateVerb(&command, &run);
   AddImportVerb(&command, &run);
+  AddCheckVerb(&command, &run);
   AddAnimateVerb(&command, &run);
   AddExperimentVerb(&command, &run);
   AddTemplateVerb(&command, &run);

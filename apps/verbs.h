@@ -21,6 +21,7 @@ void AddSynthVerb(CLI::App* command, std::function<void()>* run);
 void AddDemoVerb(CLI::App* command, std::function<void()>* run);
 void AddEvaluateVerb(CLI::App* command, std::function<void()>* run);
 void AddImportVerb(CLI::App* command, std::function<void()>* run);
+void AddCheckVerb(CLI::App* command, std::function<void()>* run);
 void AddAnimateVerb(CLI::App* command, std::function<void()>* run);
 void AddExperimentVerb(CLI::App* command, std::function<void()>* run);
 void AddTemplateVerb(CLI::App* command, std::function<void()>* run);

@@ -48,6 +48,7 @@ std::string ObservationKey(const std::string& pose,
                            const FitOptions& options) {
   const Json json = FitOptionsToJson(options);
   return pose + Json(cameras).dump() + json.value("segment", Json()).dump() +
+         json.value("coherence", Json()).dump() +
          json.value("volume", Json()).dump() +
          json.value("landmarks", Json()).dump();
 }

@@ -36,6 +36,38 @@ void RunStage(const std::string& stage,
   stages->push_back(std::move(summary));
 }
 
+// Finds cameras that disagree with the others before anything is built on them,
+// and by default repairs them: silhouettes that do not belong together carve
+// the person away.
+void CheckCoherence(const IncoherenceOptions& options,
+                    Progress* progress,
+                    Observation* seen,
+                    StageSummary* summary) {
+  summary->status = "ok";
+  if (options.mode == "off") return;
+  std::vector<std::vector<View>> views = {seen->views};
+  const std::vector<Incoherence> found = FindIncoherence(views, options);
+  const bool repair = options.mode == "repair";
+  auto& figures = summary->figures["found"] = nlohmann::ordered_json::array();
+  for (const Incoherence& item : found) {
+    const std::string text = "pose " + seen->pose + ", " + item.Text() +
+                             (repair ? item.RepairText() : "");
+    summary->warnings.push_back(text);
+    if (progress != nullptr) progress->Warning(text);
+    const Eigen::Vector3d& turn = item.camera.turn;
+    figures.push_back({{"camera", item.camera.camera_id},
+                       {"miss_px", item.camera.miss},
+                       {"others_with_px", item.camera.others_with},
+                       {"others_without_px", item.camera.others_without},
+                       {"turn", {turn.x(), turn.y(), turn.z()}},
+                       {"shift_px", item.camera.shift}});
+  }
+  if (!found.empty()) summary->status = "weak";
+  if (!repair) return;
+  RepairIncoherence(found, &views);
+  seen->views = std::move(views.front());
+}
+
 // The images' stature, from the pose that knows it best.
 double BestStature(const std::vector<LandmarkResult>& landmarks) {
   const auto best =
@@ -77,6 +109,7 @@ std::optional<std::string> ExportOptions::Check() const {
 
 std::optional<std::string> FitOptions::Check() const {
   for (const auto& error : {segment.Check(),
+                            coherence.Check(),
                             volume.Check(),
                             landmarks.Check(),
                             joints.Check(),
@@ -123,6 +156,14 @@ Observation Observe(const Capture& capture,
                              options.segment,
                              progress,
                              summary);
+      },
+      progress,
+      &seen.stages);
+  RunStage(
+      "coherence",
+      pose_name,
+      [&](StageSummary* summary) {
+        CheckCoherence(options.coherence, progress, &seen, summary);
       },
       progress,
       &seen.stages);

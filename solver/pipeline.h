@@ -18,6 +18,7 @@
 #include "solver/joints.h"
 #include "solver/landmarks.h"
 #include "solver/texture.h"
+#include "volume/coherence.h"
 #include "volume/volume.h"
 
 namespace sweepfit {
@@ -51,6 +52,7 @@ struct ExportOptions {
 
 struct FitOptions {
   SegmentOptions segment;
+  IncoherenceOptions coherence;
   HullOptions volume;
   LandmarkOptions landmarks;
   JointOptions joints;

@@ -10,15 +10,16 @@
 #include <cmath>
 #include <cstdio>
 #include <numbers>
-#include <optional>
 
 #include "volume/silhouette_cones.h"
 
 namespace sweepfit {
 namespace {
 
-// Points looked at per outline.
-constexpr int kRaysPerView = 160;
+// Points looked at, of all outlines together and of each.
+constexpr size_t kRays = 1600;
+constexpr size_t kMinRaysPerView = 60;
+constexpr size_t kMaxRaysPerView = 160;
 // Steps along a ray, pixels.
 constexpr double kStep = 0.7;
 // Samples of a ray that lie further outside two or more silhouettes do not
@@ -85,7 +86,7 @@ struct Scene {
 };
 
 // Points of the outline, evenly, not where the picture's frame cuts the person.
-std::vector<Eigen::Vector2d> OutlinePoints(const View& view) {
+std::vector<Eigen::Vector2d> OutlinePoints(const View& view, size_t most) {
   const cv::Mat1f& distance = view.signed_distance;
   constexpr int kFrame = 3;
   std::vector<Eigen::Vector2d> points;
@@ -102,7 +103,7 @@ std::vector<Eigen::Vector2d> OutlinePoints(const View& view) {
     }
   }
   std::vector<Eigen::Vector2d> chosen;
-  const size_t count = std::min<size_t>(points.size(), kRaysPerView);
+  const size_t count = std::min(points.size(), most);
   for (size_t i = 0; i < count; ++i) {
     chosen.push_back(points[i * points.size() / count]);
   }
@@ -111,7 +112,8 @@ std::vector<Eigen::Vector2d> OutlinePoints(const View& view) {
 
 // Half the size of the person as the view shows it at the depth of a point.
 double HalfExtent(const View& view, const Eigen::Vector3d& point_in_world) {
-  const std::vector<Eigen::Vector2d> outline = OutlinePoints(view);
+  const std::vector<Eigen::Vector2d> outline =
+      OutlinePoints(view, kMaxRaysPerView);
   if (outline.empty()) return 0;
   Eigen::Vector2d low = outline.front(), high = outline.front();
   for (const Eigen::Vector2d& p : outline) {
@@ -122,11 +124,13 @@ double HalfExtent(const View& view, const Eigen::Vector3d& point_in_world) {
   return 0.5 * (high - low).norm() * depth / view.camera.FocalLength();
 }
 
-// Walks along the ray of `pixel` of view i, turned with the camera.
+// Walks along the ray of `pixel` of view i, turned with the camera; the best
+// sample first. `until_held`: stops at a point that all others hold.
 std::vector<Sample> March(const Scene& scene,
                           size_t i,
                           const Eigen::Vector2d& pixel,
-                          const Eigen::Matrix3d& turn) {
+                          const Eigen::Matrix3d& turn,
+                          bool until_held) {
   const Camera& camera = (*scene.views)[i].camera;
   const Eigen::Vector3d origin = camera.CenterInWorld();
   const Eigen::Vector3d direction =
@@ -153,16 +157,22 @@ std::vector<Sample> March(const Scene& scene,
     }
     // A point that only one other camera sees says nothing.
     const double metres_per_pixel = at / camera.FocalLength();
+    const double outside = until_held ? first : second;
     double step = kStep;
-    if (second > kReach) {
-      step += 0.7 * (second - kReach);
+    if (outside > kReach) {
+      step += 0.7 * (outside - kReach);
     } else if (second > kNone) {
       sample.first = static_cast<float>(first);
       sample.second = static_cast<float>(second);
       samples.push_back(sample);
+      if (until_held && first <= 0) break;
     }
     at += step * metres_per_pixel;
   }
+  std::stable_sort(
+      samples.begin(), samples.end(), [](const Sample& a, const Sample& b) {
+        return a.first < b.first;
+      });
   return samples;
 }
 
@@ -173,12 +183,14 @@ double Miss(const std::vector<Sample>& samples, int without, double most) {
     const double d =
         sample.first_view == without ? sample.second : sample.first;
     least = std::min(least, d);
+    if (least <= 0) break;
   }
   return std::max(0.0, least);
 }
 
 Scene MakeScene(const std::vector<View>& views,
-                const std::vector<int>& camera) {
+                const std::vector<int>& camera,
+                size_t rays_per_view) {
   Scene scene;
   scene.views = &views;
   scene.camera = camera;
@@ -194,9 +206,10 @@ Scene MakeScene(const std::vector<View>& views,
   scene.radius = kMargin * extents[extents.size() / 2];
   scene.rays.resize(views.size());
   tbb::parallel_for(size_t{0}, views.size(), [&](size_t i) {
-    for (const Eigen::Vector2d& pixel : OutlinePoints(views[i])) {
+    for (const Eigen::Vector2d& pixel :
+         OutlinePoints(views[i], rays_per_view)) {
       scene.rays[i].push_back(
-          {pixel, March(scene, i, pixel, Eigen::Matrix3d::Identity())});
+          {pixel, March(scene, i, pixel, Eigen::Matrix3d::Identity(), false)});
     }
   });
   return scene;
@@ -230,7 +243,7 @@ std::vector<double> MissesTurned(const std::vector<Scene>& scenes,
       for (const Ray& ray : scene.rays[i]) {
         if (static_cast<int>(i) == k) {
           misses.push_back(
-              Miss(March(scene, i, ray.pixel, rotation), -1, kReach));
+              Miss(March(scene, i, ray.pixel, rotation, true), -1, kReach));
           continue;
         }
         double least = kReach;
@@ -318,7 +331,7 @@ void FindTurn(const std::vector<Scene>& scenes,
       gradient += weight * misses[r] * row;
     }
     bool moved = false;
-    for (int trial = 0; trial < 6 && !moved; ++trial) {
+    for (int trial = 0; trial < 4 && !moved; ++trial) {
       Eigen::Matrix3d damped = normal;
       damped.diagonal() *= 1 + damping;
       damped.diagonal().array() += 1e-9 * normal.trace() + 1e-9;
@@ -334,7 +347,7 @@ void FindTurn(const std::vector<Scene>& scenes,
         damping = std::max(1e-6, 0.2 * damping);
         if (!moved) break;
       } else {
-        damping *= 8;
+        damping *= 20;
       }
     }
     if (!moved) break;
@@ -353,6 +366,10 @@ struct Setup {
 
 Setup MakeSetup(const std::vector<std::vector<View>>& poses) {
   Setup setup;
+  size_t num_views = 0;
+  for (const std::vector<View>& views : poses) num_views += views.size();
+  const size_t rays_per_view = std::clamp(
+      kRays / std::max<size_t>(1, num_views), kMinRaysPerView, kMaxRaysPerView);
   for (const std::vector<View>& views : poses) {
     std::vector<int> cameras;
     for (const View& view : views) {
@@ -366,7 +383,7 @@ Setup MakeSetup(const std::vector<std::vector<View>>& poses) {
     }
     constexpr size_t kMinViews = 3;
     if (views.size() >= kMinViews) {
-      setup.scenes.push_back(MakeScene(views, cameras));
+      setup.scenes.push_back(MakeScene(views, cameras, rays_per_view));
     }
   }
   return setup;
@@ -375,26 +392,46 @@ Setup MakeSetup(const std::vector<std::vector<View>>& poses) {
 CameraCoherence Measure(const Setup& setup, int camera) {
   CameraCoherence result;
   result.camera_id = setup.camera_ids[camera];
-  double own = 0, with = 0, without = 0;
-  int num_own = 0, num_others = 0;
+  double own = 0;
+  int num_own = 0;
+  struct Sum {
+    double with = 0, without = 0;
+    int count = 0;
+    double Harm() const { return with - without; }
+  };
+  std::vector<Sum> others(setup.camera_ids.size());
   for (const Scene& scene : setup.scenes) {
     const int k = ViewOf(scene, camera);
     for (size_t i = 0; i < scene.rays.size(); ++i) {
+      Sum& sum = others[scene.camera[i]];
       for (const Ray& ray : scene.rays[i]) {
+        const double with = Miss(ray.samples, -1, kMaxMiss);
         if (static_cast<int>(i) == k) {
-          own += Miss(ray.samples, -1, kMaxMiss);
+          own += with;
           ++num_own;
         } else {
-          with += Miss(ray.samples, -1, kMaxMiss);
-          without += Miss(ray.samples, k < 0 ? -1 : k, kMaxMiss);
-          ++num_others;
+          sum.with += with;
+          sum.without += k < 0 ? with : Miss(ray.samples, k, kMaxMiss);
+          ++sum.count;
         }
       }
     }
   }
   result.miss = own / std::max(1, num_own);
-  result.others_with = with / std::max(1, num_others);
-  result.others_without = without / std::max(1, num_others);
+  // One that suffers alone is wrong itself.
+  const auto worst = std::max_element(
+      others.begin(), others.end(), [](const Sum& a, const Sum& b) {
+        return a.Harm() < b.Harm();
+      });
+  Sum total;
+  for (auto it = others.begin(); it != others.end(); ++it) {
+    if (it == worst) continue;
+    total.with += it->with;
+    total.without += it->without;
+    total.count += it->count;
+  }
+  result.others_with = total.with / std::max(1, total.count);
+  result.others_without = total.without / std::max(1, total.count);
   return result;
 }
 
@@ -409,7 +446,7 @@ std::vector<CameraCoherence> MeasureAll(const Setup& setup) {
 // What the others' outlines suffer from the camera, pixels of one outline.
 double Harm(const CameraCoherence& camera, size_t num_cameras) {
   return (camera.others_with - camera.others_without) *
-         static_cast<double>(num_cameras - 1);
+         (static_cast<double>(num_cameras) - 2);
 }
 
 // A silhouette that cuts the others' outlines: they suffer by a pixel and more,
@@ -441,11 +478,18 @@ bool IsRepaired(const CameraCoherence& camera) {
 std::optional<Incoherence> WorstCamera(const Setup& setup, bool thorough) {
   std::vector<CameraCoherence> cameras = MeasureAll(setup);
   const size_t count = cameras.size();
+  // Turns take time; sound silhouettes miss by a tenth of a pixel or two.
+  constexpr double kSuspicious = 0.4;
+  const bool look =
+      thorough ||
+      std::any_of(
+          cameras.begin(), cameras.end(), [&](const CameraCoherence& c) {
+            return IsHarmful(c, count) || c.others_with > kSuspicious;
+          });
+  if (!look) return std::nullopt;
   tbb::parallel_for(size_t{0}, count, [&](size_t c) {
-    if (thorough || IsHarmful(cameras[c], count)) {
-      FindTurn(
-          setup.scenes, static_cast<int>(c), setup.focal_length, &cameras[c]);
-    }
+    FindTurn(
+        setup.scenes, static_cast<int>(c), setup.focal_length, &cameras[c]);
   });
   const CameraCoherence* worst = nullptr;
   for (const CameraCoherence& camera : cameras) {
@@ -496,6 +540,13 @@ void RemoveView(const std::string& camera_id, std::vector<View>* views) {
 }
 
 }  // namespace
+
+std::optional<std::string> IncoherenceOptions::Check() const {
+  if (mode != "repair" && mode != "warn" && mode != "off") {
+    return "coherence.mode must be repair, warn or off, not '" + mode + "'";
+  }
+  return std::nullopt;
+}
 
 std::vector<CameraCoherence> MeasureCoherence(
     const std::vector<std::vector<View>>& poses) {
@@ -612,6 +663,19 @@ std::string Incoherence::Text() const {
       break;
   }
   return text;
+}
+
+std::string Incoherence::RepairText() const {
+  switch (kind) {
+    case Kind::kTurned:
+      return "; it is turned back, but calibrate it anew";
+    case Kind::kMoved:
+    case Kind::kHides:
+      return "; it is left out";
+    case Kind::kShows:
+      return "";
+  }
+  return "";
 }
 
 }  // namespace sweepfit

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,7 +19,8 @@ struct CameraCoherence {
   // Of this camera's outlines, judged by all others.
   double miss = 0;
   // Of the others' outlines, judged with and without this camera. A camera that
-  // is wrong spoils them: the first is then much larger than the second.
+  // is wrong spoils them: the first is then much larger than the second. The
+  // camera that suffers most does not count: if it alone suffers, it is wrong.
   double others_with = 0;
   double others_without = 0;
 
@@ -61,12 +63,17 @@ struct Incoherence {
   int pose = -1;  // of a silhouette: position in poses
   // One line: which camera, how far, what that means.
   std::string Text() const;
+  // What RepairIncoherence does about it, to go on with: "; it is left out".
+  std::string RepairText() const;
 };
 
 struct IncoherenceOptions {
+  // repair: turn or leave out what disagrees; warn: only say so; off.
+  std::string mode = "repair";
   // Look for the turn of every camera and so find errors of a pixel or two;
   // else only where the silhouettes are plainly spoilt (several pixels).
   bool thorough = false;
+  std::optional<std::string> Check() const;
 };
 
 // Which cameras disagree, worst first; each is repaired or left out before the

@@ -14,7 +14,7 @@ using ::testing::SizeIs;
 TEST(Usage, HelpOfEachVerbShowsAnExample) {
   TemporaryFolder scratch;
   for (const char* verb :
-       {"fit", "synth", "demo", "evaluate", "import", "template"}) {
+       {"fit", "synth", "demo", "evaluate", "import", "check", "template"}) {
     const CommandOutcome outcome = RunCommand({verb, "--help"}, scratch.path());
     EXPECT_EQ(outcome.status, 0) << verb;
     EXPECT_THAT(outcome.out,

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "experiments/check_capture.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <numbers>
+
+#include "experiments/synthetic.h"
+#include "tests/support/temporary_folder.h"
+
+namespace sweepfit {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+CameraCheck Of(const CaptureCheck& check, const std::string& id) {
+  for (const CameraCheck& camera : check.cameras) {
+    if (camera.id == id) return camera;
+  }
+  ADD_FAILURE() << "no camera " << id;
+  return {};
+}
+
+// One synthetic capture, sound and with one thing wrong at a time.
+TEST(CheckCapture, PassesSoundCapturesAndNamesWhatIsWrong) {
+  TemporaryFolder folder;
+  SyntheticOptions options;
+  options.num_cameras = 8;
+  options.width = options.height = 420;
+  const Capture sound = WriteSyntheticCapture(folder.path(), options, nullptr);
+
+  const CaptureCheck fine = CheckCapture(sound, nullptr);
+  EXPECT_TRUE(fine.CanWork());
+  EXPECT_THAT(fine.warnings, IsEmpty());
+  for (const CameraCheck& camera : fine.cameras) {
+    EXPECT_THAT(camera.problems, IsEmpty()) << camera.id;
+    EXPECT_TRUE(camera.is_used);
+    EXPECT_LT(camera.coherence.miss, 0.6) << camera.id;
+    EXPECT_NEAR(camera.exposure_gain, 1, 0.1);
+  }
+  EXPECT_EQ(fine.num_fit_cameras, 8);
+  EXPECT_NEAR(fine.largest_gap, 45, 10);
+  EXPECT_LT(fine.lean, 15);
+  EXPECT_GT(fine.person_height, 1.4);
+  EXPECT_LT(fine.person_height, 2.1);
+  EXPECT_THAT(CheckTable(fine), HasSubstr("verdict: fine"));
+  EXPECT_EQ(CheckToJson(fine)["cameras"].size(), 8u);
+  EXPECT_EQ(CheckToJson(fine)["can_work"], true);
+
+  Capture turned = sound;
+  Camera& camera = turned.cameras[5].camera;
+  const Eigen::Matrix3d turn =
+      Eigen::AngleAxisd(0.3 * std::numbers::pi / 180, Eigen::Vector3d::UnitY())
+          .toRotationMatrix();
+  camera.camera_from_world = turn * camera.camera_from_world;
+  camera.world_in_camera = turn * camera.world_in_camera;
+  const CaptureCheck off = CheckCapture(turned, nullptr);
+  EXPECT_TRUE(off.CanWork());
+  for (const CameraCheck& c : off.cameras) {
+    EXPECT_EQ(c.problems.empty(), c.id != camera.id) << c.id;
+  }
+  ASSERT_THAT(Of(off, camera.id).problems, ::testing::SizeIs(1));
+  EXPECT_THAT(Of(off, camera.id).problems[0], HasSubstr("is turned by 0."));
+  EXPECT_THAT(CheckTable(off), HasSubstr("look at " + camera.id));
+
+  Capture swapped = sound;
+  swapped.cameras[2].background = sound.cameras[6].background;
+  const CaptureCheck plate = CheckCapture(swapped, nullptr);
+  EXPECT_THAT(Of(plate, sound.cameras[2].camera.id).problems,
+              ::testing::Contains(HasSubstr("does not belong")));
+  EXPECT_THAT(Of(plate, sound.cameras[6].camera.id).problems, IsEmpty());
+}
+
+// Units, axis and number of cameras, on given masks.
+TEST(CheckCapture, SaysWhyACaptureCannotWork) {
+  TemporaryFolder folder;
+  SyntheticOptions options;
+  options.num_cameras = 6;
+  options.width = options.height = 240;
+  options.background = false;
+  const Capture sound = WriteSyntheticCapture(folder.path(), options, nullptr);
+
+  Capture giant = sound;
+  for (CaptureCamera& entry : giant.cameras) {
+    entry.camera.world_in_camera *= 100;
+  }
+  const CaptureCheck units = CheckCapture(giant, nullptr);
+  EXPECT_FALSE(units.CanWork());
+  EXPECT_THAT(CheckTable(units), HasSubstr("correct 'units'"));
+
+  Capture lying = sound;
+  const Eigen::Matrix3d quarter =
+      Eigen::AngleAxisd(std::numbers::pi / 2, Eigen::Vector3d::UnitX())
+          .toRotationMatrix();
+  for (CaptureCamera& entry : lying.cameras) {
+    entry.camera.camera_from_world *= quarter;
+  }
+  const CaptureCheck axis = CheckCapture(lying, nullptr);
+  EXPECT_FALSE(axis.CanWork());
+  EXPECT_THAT(CheckTable(axis), HasSubstr("correct 'up'"));
+
+  Capture few = sound;
+  for (const char* id : {"cam00", "cam01", "cam02", "cam03"}) {
+    few.holdout.push_back(id);
+  }
+  const CaptureCheck held = CheckCapture(few, nullptr);
+  EXPECT_FALSE(held.CanWork());
+  EXPECT_THAT(CheckTable(held), HasSubstr("only 2 cameras"));
+}
+
+}  // namespace
+}  // namespace sweepfit
