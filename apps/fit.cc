@@ -24,6 +24,7 @@ struct FitArguments {
   std::vector<std::string> poses;
   std::vector<std::string> cameras;
   std::string until;
+  std::string template_file;
 };
 
 // The file first, then single settings, then the arguments of their own.
@@ -36,6 +37,9 @@ FitConfig ReadConfig(const FitArguments& arguments) {
   if (!arguments.poses.empty()) config.poses = arguments.poses;
   if (!arguments.cameras.empty()) config.cameras = arguments.cameras;
   if (!arguments.until.empty()) config.options.until = arguments.until;
+  if (!arguments.template_file.empty()) {
+    config.options.body_template.file = arguments.template_file;
+  }
   return config;
 }
 
@@ -85,6 +89,10 @@ void AddFitVerb(CLI::App* command, std::function<void()>* run) {
                    arguments->cameras,
                    "Cameras to use, or all (default: all but holdout)")
       ->delimiter(',');
+  verb->add_option("--template",
+                   arguments->template_file,
+                   "Start from this rigged person (.glb) instead of the "
+                   "generic one");
   verb->add_option("--until", arguments->until, "Last stage to run");
   AddCommonArguments(verb, &arguments->common);
   verb->footer(Footer());

@@ -215,6 +215,7 @@ void Label(const std::string& text, cv::Mat3b* picture) {
 
 struct MotionPreview::Impl {
   const Body& body;
+  BodyDeformer deformer;
   Texture texture;
   std::vector<Pose> poses;
   double pose_time;
@@ -233,6 +234,7 @@ struct MotionPreview::Impl {
        double frame_time,
        const PreviewOptions& options_in)
       : body(body_in),
+        deformer(body_in),
         texture(texture_in),
         poses(std::move(poses_in)),
         pose_time(frame_time),
@@ -242,7 +244,7 @@ struct MotionPreview::Impl {
     CHECK(!options.Check());
     path = SmoothPath(poses, 0.4 / pose_time);
     azimuth = Heading(poses) + options.azimuth * std::numbers::pi / 180;
-    const std::vector<Vector3d> rest = RestVertices(body);
+    const std::vector<Vector3d>& rest = deformer.rest_vertices();
     double low = 0, high = 0;
     for (const Vector3d& vertex : rest) {
       low = std::min(low, vertex.y());
@@ -259,11 +261,7 @@ struct MotionPreview::Impl {
           triangle[i] = quad[corner[i]];
           uv[i] = body.topology.uv[q][corner[i]].cast<double>();
         }
-        // A triangle of a template may be stored as a quad with a corner twice.
-        if (triangle[0] == triangle[1] || triangle[1] == triangle[2] ||
-            triangle[2] == triangle[0]) {
-          continue;
-        }
+        if (triangle[1] == triangle[2]) continue;  // of IsTriangle
         triangles.push_back(triangle);
         triangle_uv.push_back(uv);
       }
@@ -328,7 +326,7 @@ struct MotionPreview::Impl {
 
   cv::Mat3b Render(int frame) const {
     const int at = PoseAt(frame);
-    TriangleMesh mesh{PoseVertices(body, poses[at]), triangles};
+    TriangleMesh mesh{deformer.Vertices(poses[at]), triangles};
     const std::vector<Vector3d> normals = VertexNormals(mesh);
     const Camera camera = CameraAt(path[at]);
     // Someone may leap at the camera.

@@ -47,7 +47,8 @@ enum class BodyPart : std::uint8_t {
 
 // Mesh connectivity that all bodies made from one template share.
 struct BodyTopology {
-  std::vector<Quad> quads;  // counter-clockwise from outside
+  std::vector<Quad> quads;  // counter-clockwise from outside; imported
+                            // templates have triangles, see IsTriangle
   std::vector<std::array<Eigen::Vector2f, 4>> uv;  // per quad corner, [0,1]^2,
                                                    // v up (0 at the bottom)
   std::vector<int> mirror_vertex;  // the vertex on the other side

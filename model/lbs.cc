@@ -256,6 +256,7 @@ std::vector<std::vector<int>> EdgeNeighbours(const std::vector<Quad>& quads,
     for (int i = 0; i < 4; ++i) {
       const int a = quad[i];
       const int b = quad[(i + 1) % 4];
+      if (a == b) continue;
       neighbours[a].push_back(b);
       neighbours[b].push_back(a);
     }

@@ -152,6 +152,10 @@ std::vector<Triangle> TriangulateQuads(
   std::vector<Triangle> triangles;
   triangles.reserve(2 * quads.size());
   for (const Quad& q : quads) {
+    if (IsTriangle(q)) {
+      triangles.push_back({q[0], q[1], q[2]});
+      continue;
+    }
     const double diagonal_02 = (vertices[q[2]] - vertices[q[0]]).squaredNorm();
     const double diagonal_13 = (vertices[q[3]] - vertices[q[1]]).squaredNorm();
     if (diagonal_02 <= diagonal_13) {

@@ -17,8 +17,11 @@ struct TriangleMesh {
   std::vector<Triangle> triangles;
 };
 
+// A quad whose last corner repeats the third stands for a triangle.
+inline bool IsTriangle(const Quad& quad) { return quad[2] == quad[3]; }
+
 // Splits every quad along its shorter diagonal in the given vertex positions
-// (ties: the diagonal 0-2).
+// (ties: the diagonal 0-2); a quad that stands for a triangle gives only that.
 std::vector<Triangle> TriangulateQuads(
     const std::vector<Quad>& quads,
     const std::vector<Eigen::Vector3d>& vertices);

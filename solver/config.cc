@@ -33,6 +33,12 @@ std::vector<Entry> Entries(FitOptions* o) {
   JointOptions::Weights& w = o->joints.weights;
   return {
       {"until", &o->until, "last stage to run"},
+      {"template.file",
+       &o->body_template.file,
+       "generic, or a rigged person as .glb"},
+      {"template.names",
+       &o->body_template.names,
+       "joint names of that file: auto, a preset or a map"},
       {"segment.mode",
        &o->segment.mode,
        "auto | plate | chroma | both | masks"},

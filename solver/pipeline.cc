@@ -11,6 +11,7 @@
 #include "model/export_names.h"
 #include "model/input_error.h"
 #include "model/template.h"
+#include "model/template_import.h"
 
 namespace sweepfit {
 namespace {
@@ -77,6 +78,24 @@ double BestStature(const std::vector<LandmarkResult>& landmarks) {
                          return a.stature_sigma < b.stature_sigma;
                        });
   return std::clamp(best->stature, 0.6, 2.5);
+}
+
+// The body to start from, whatever its stature. Read before anything else, so
+// that a file that does not serve is told at once.
+std::optional<Body> ReadTemplate(const TemplateSource& source) {
+  if (source.file == "generic") return std::nullopt;
+  return ImportTemplate(source.file, source.names);
+}
+
+Body StartBody(const std::optional<Body>& imported, double stature) {
+  if (!imported) {
+    TemplateOptions options;
+    options.stature = stature;
+    return BuildTemplate(options);
+  }
+  Body body = *imported;
+  ScaleBody(stature / body.stature, &body);
+  return body;
 }
 
 void StorePoses(const JointResult& joints, FitResult* result) {
@@ -200,6 +219,7 @@ FitResult FitObserved(
     const FitOptions& options,
     Progress* progress) {
   const int until = FindFitStage(options.until);
+  const std::optional<Body> imported = ReadTemplate(options.body_template);
   FitResult result;
   result.camera_ids = camera_ids;
   std::vector<LandmarkResult> landmarks;
@@ -214,19 +234,15 @@ FitResult FitObserved(
   if (until < FindFitStage("joints")) return result;
 
   // One body for all poses.
-  TemplateOptions template_options;
-  template_options.stature = BestStature(landmarks);
-  result.body = BuildTemplate(template_options);
+  const double stature = BestStature(landmarks);
+  result.body = StartBody(imported, stature);
   JointResult joints;
   RunStage(
       "joints",
       "",
       [&](StageSummary* summary) {
-        joints = EstimateJoints(landmarks,
-                                result.body.skeleton,
-                                template_options.stature,
-                                options.joints,
-                                summary);
+        joints = EstimateJoints(
+            landmarks, result.body.skeleton, stature, options.joints, summary);
       },
       progress,
       &result.stages);

@@ -37,6 +37,14 @@ inline constexpr std::array<std::string_view, 9> kFitStages = {"segment",
 // Position of a stage in kFitStages, or -1.
 int FindFitStage(std::string_view stage);
 
+// The body that a fit starts from.
+struct TemplateSource {
+  // "generic" for the one that comes with the program, or a rigged person as
+  // binary glTF (see ImportTemplate).
+  std::string file = "generic";
+  std::string names = "auto";  // of its joints, see joint_names.h
+};
+
 // Everything that can be configured about a fit, stage by stage.
 // What the result's files look like.
 struct ExportOptions {
@@ -51,6 +59,7 @@ struct ExportOptions {
 };
 
 struct FitOptions {
+  TemplateSource body_template;
   SegmentOptions segment;
   IncoherenceOptions coherence;
   HullOptions volume;

@@ -31,6 +31,7 @@ std::vector<std::vector<int>> Neighbours(const BodyTopology& topology,
   std::vector<std::set<int>> sets(num_vertices);
   for (const Quad& quad : topology.quads) {
     for (int k = 0; k < 4; ++k) {
+      if (quad[k] == quad[(k + 1) % 4]) continue;
       sets[quad[k]].insert(quad[(k + 1) % 4]);
       sets[quad[(k + 1) % 4]].insert(quad[k]);
     }

@@ -124,7 +124,9 @@ struct Facet {
   std::array<Eigen::Vector2f, 3> mirror_uv;
 };
 
+// A key of the face; of a triangle without the corner that is there twice.
 Quad Sorted(Quad quad) {
+  if (IsTriangle(quad)) quad[3] = -1;
   std::sort(quad.begin(), quad.end());
   return quad;
 }
@@ -143,15 +145,19 @@ std::vector<Facet> BuildFacets(const Body& body) {
   const BodyTopology& topology = body.topology;
   const std::vector<Triangle> triangles =
       TriangulateQuads(topology.quads, RestVertices(body));
-  CHECK_EQ(triangles.size(), 2 * topology.quads.size());
   std::map<Quad, int> quad_of;
+  std::vector<int> quad_of_triangle;
   for (std::size_t q = 0; q < topology.quads.size(); ++q) {
     quad_of.emplace(Sorted(topology.quads[q]), static_cast<int>(q));
+    quad_of_triangle.insert(quad_of_triangle.end(),
+                            IsTriangle(topology.quads[q]) ? 1 : 2,
+                            static_cast<int>(q));
   }
+  CHECK_EQ(triangles.size(), quad_of_triangle.size());
   std::vector<Facet> facets(triangles.size());
   for (std::size_t t = 0; t < triangles.size(); ++t) {
     Facet& facet = facets[t];
-    const int quad = static_cast<int>(t / 2);
+    const int quad = quad_of_triangle[t];
     facet.vertex = triangles[t];
     for (int i = 0; i < 3; ++i) {
       facet.uv[i] = CornerUv(topology, quad, facet.vertex[i]);
@@ -588,6 +594,7 @@ std::vector<std::pair<int, int>> Edges(const std::vector<Quad>& quads) {
   std::vector<std::pair<int, int>> edges;
   for (const Quad& quad : quads) {
     for (int i = 0; i < 4; ++i) {
+      if (quad[i] == quad[(i + 1) % 4]) continue;
       edges.push_back(std::minmax(quad[i], quad[(i + 1) % 4]));
     }
   }

@@ -5,7 +5,10 @@
 
 #include "experiments/metrics.h"
 #include "experiments/synthetic.h"
+#include "model/gltf.h"
 #include "model/input_error.h"
+#include "model/lbs.h"
+#include "model/template.h"
 #include "solver/pipeline.h"
 #include "tests/support/temporary_folder.h"
 
@@ -132,6 +135,40 @@ TEST(Fit, LocalModesRunSideBySide) {
     // Radii read off a hull inherit its bias, but not more than that.
     EXPECT_LT(CompareSurfaces(mesh, surface, 10000, 1).mean, 0.025) << mode;
   }
+}
+
+TEST(Fit, StartsFromAnImportedTemplate) {
+  const TemporaryFolder folder;
+  const Capture capture =
+      WriteSyntheticCapture(folder.path() / "capture", SmallCapture(), nullptr);
+  const Body person = BuildTemplate({.sex = 0.2, .stature = 1.6});
+  FitOptions options;
+  options.body_template.file = (folder.path() / "person.glb").string();
+  SaveGlb(person,
+          FitSkinWeights(person, 4, 1).weights,
+          {},
+          {},
+          options.body_template.file);
+  options.until = "refine";
+  const FitResult result =
+      Fit(capture, {"A"}, CameraIds(capture), options, nullptr);
+  EXPECT_EQ(result.body.num_vertices(), person.num_vertices());
+  const std::filesystem::path truth = capture.folder / "truth" / "A";
+  EXPECT_LT(CompareJoints(Joints(result.poses[0]),
+                          LoadTruthJoints(truth / "joints.json"))
+                .limb_mpjpe,
+            0.045);
+  TriangleMesh mesh;
+  mesh.vertices = result.poses[0].vertices_in_world;
+  mesh.triangles = TriangulateQuads(result.body.topology.quads, mesh.vertices);
+  const TriangleMesh surface = LoadPly((truth / "surface.ply").string());
+  EXPECT_LT(CompareSurfaces(mesh, surface, 10000, 1).mean, 0.012);
+  EXPECT_LT(CompareSurfaces(surface, mesh, 10000, 1).mean, 0.012);
+  EXPECT_TRUE(CheckTopology(mesh).IsClosedManifold());
+
+  options.body_template.file = (folder.path() / "none.glb").string();
+  EXPECT_THROW(Fit(capture, {"A"}, CameraIds(capture), options, nullptr),
+               InputError);
 }
 
 TEST(Fit, RefusesWhatItCannotFit) {
