@@ -80,8 +80,7 @@ double BestStature(const std::vector<LandmarkResult>& landmarks) {
   return std::clamp(best->stature, 0.6, 2.5);
 }
 
-// The body to start from, whatever its stature. Read before anything else, so
-// that a file that does not serve is told at once.
+// The body to start from, whatever its stature; none: the generic one.
 std::optional<Body> ReadTemplate(const TemplateSource& source) {
   if (source.file == "generic") return std::nullopt;
   return ImportTemplate(source.file, source.names);
@@ -353,6 +352,8 @@ FitResult Fit(const Capture& capture,
   if (camera_ids.size() < 2) {
     throw InputError("a fit needs at least two cameras");
   }
+  // A file that does not serve is told before the pictures are looked at.
+  ReadTemplate(options.body_template);
   std::vector<std::shared_ptr<const Observation>> observations;
   for (const std::string& name : pose_names) {
     observations.push_back(std::make_shared<Observation>(
