@@ -49,8 +49,11 @@ void EmitCamera(const CaptureCamera& entry, YAML::Emitter* out) {
   }
   EmitMatrix("R", camera.camera_from_world, out);
   EmitNumbers("t", camera.world_in_camera, out);
-  if (entry.background) {
-    *out << YAML::Key << "background" << YAML::Value << *entry.background;
+  if (entry.background.size() == 1) {
+    *out << YAML::Key << "background" << YAML::Value << entry.background[0];
+  } else if (!entry.background.empty()) {
+    *out << YAML::Key << "background" << YAML::Value << YAML::Flow
+         << entry.background;
   }
   if (entry.chroma_key) {
     *out << YAML::Key << "chroma_key" << YAML::Value << *entry.chroma_key;

@@ -16,8 +16,8 @@ namespace sweepfit {
 // Paths are relative to the capture folder.
 struct CaptureCamera {
   Camera camera;
-  std::optional<std::string> background;
-  std::optional<std::string> chroma_key;  // "green" or "blue"
+  std::vector<std::string> background;    // frames of the empty scene
+  std::optional<std::string> chroma_key;  // "green", "blue" or "auto"
 };
 
 struct CapturePose {

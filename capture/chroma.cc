@@ -4,21 +4,18 @@
 #include <glog/logging.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <vector>
+
+#include "capture/colour.h"
 
 namespace sweepfit {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-
-// Lab of the screen.
-struct Screen {
-  bool found = false;
-  float lightness = 0;
-  float a = 0, b = 0;
-};
+constexpr float kMinChroma = 12;  // of anything that may be a screen
 
 float Median(std::vector<float> values) {
   const auto middle = values.begin() + static_cast<long>(values.size() / 2);
@@ -26,124 +23,162 @@ float Median(std::vector<float> values) {
   return *middle;
 }
 
-// Hue angles (Lab) of saturated sRGB green and blue.
-double NominalHue(const std::string& key) {
-  CHECK(key == "green" || key == "blue") << key;
-  return (key == "green" ? 136.0 : -54.0) * kPi / 180;
-}
+float Chroma(const cv::Vec3f& lab) { return std::hypot(lab[1], lab[2]); }
+float Hue(const cv::Vec3f& lab) { return std::atan2(lab[2], lab[1]); }
 
-Screen FindScreen(const cv::Mat3f& lab, const std::string& key) {
-  constexpr double kHueReach = 45 * kPi / 180;
-  constexpr double kMinChroma = 12;
-  constexpr std::size_t kFewest = 50;
-  const double hue = NominalHue(key);
+std::vector<cv::Vec3f> BorderColours(const cv::Mat3f& lab) {
   const int frame = std::max(2, std::min(lab.rows, lab.cols) / 40);
-  std::vector<float> l, a, b;
+  std::vector<cv::Vec3f> colours;
   for (int y = 0; y < lab.rows; ++y) {
     const bool whole_row = y < frame || y >= lab.rows - frame;
     for (int x = 0; x < lab.cols; ++x) {
       if (!whole_row && x == frame) x = std::max(x, lab.cols - frame);
-      const cv::Vec3f& p = lab(y, x);
-      const double turned =
-          std::remainder(std::atan2(p[2], p[1]) - hue, 2 * kPi);
-      if (std::hypot(p[1], p[2]) < kMinChroma || std::abs(turned) > kHueReach) {
-        continue;
-      }
-      l.push_back(p[0]);
-      a.push_back(p[1]);
-      b.push_back(p[2]);
+      colours.push_back(lab(y, x));
     }
   }
-  if (l.size() < kFewest) return {};
-  return {
-      true, Median(std::move(l)), Median(std::move(a)), Median(std::move(b))};
+  return colours;
 }
 
-// The screen's colour behind the person, from the screen around it: weighted
-// means over ever larger windows, each with a tiny weight beside the smaller.
-cv::Mat3f FillBehind(const cv::Mat3f& picture,
-                     const cv::Mat1f& squared,
-                     double threshold) {
-  constexpr int kShrink = 8;
-  constexpr int kKeepOff = 5;  // px from anything that is not screen
-  cv::Mat1b screen = squared < threshold;
-  cv::erode(screen,
-            screen,
+// The most frequent hue (Lab angle) of saturated colours.
+double FrequentHue(const std::vector<cv::Vec3f>& colours) {
+  constexpr int kBins = 36;
+  std::array<int, kBins> count{};
+  for (const cv::Vec3f& colour : colours) {
+    if (Chroma(colour) < kMinChroma) continue;
+    const double turn = Hue(colour) / (2 * kPi) + 0.5;
+    ++count[std::clamp(static_cast<int>(turn * kBins), 0, kBins - 1)];
+  }
+  int best = 0, best_count = -1;
+  for (int i = 0; i < kBins; ++i) {
+    const int around =
+        count[i] + count[(i + 1) % kBins] + count[(i + kBins - 1) % kBins];
+    if (around > best_count) {
+      best = i;
+      best_count = around;
+    }
+  }
+  return ((best + 0.5) / kBins - 0.5) * 2 * kPi;
+}
+
+// Squared distance to the screen at this place: the shares of its chroma (in
+// the light that falls on the pixel) that are lost and that are strange. 1 is
+// where half of it is.
+float SquaredFromScreen(const cv::Vec3f& colour, const cv::Vec3f& screen) {
+  constexpr float kHalf = 0.5f;
+  constexpr float kChromaNoise = 4;
+  const float chroma = std::max(Chroma(screen), 1.f);
+  const float cos_hue = screen[1] / chroma, sin_hue = screen[2] / chroma;
+  // In more or less light the screen's a and b scale with L + 16.
+  const float expected =
+      chroma * (colour[0] + 16) / (screen[0] + 16) + kChromaNoise;
+  const float along = colour[1] * cos_hue + colour[2] * sin_hue + kChromaNoise;
+  const float across = colour[2] * cos_hue - colour[1] * sin_hue;
+  const float lost = std::max(0.f, 1 - along / expected) / kHalf;
+  const float strange = across / (kHalf * expected);
+  return lost * lost + strange * strange;
+}
+
+}  // namespace
+
+KeyScreen FindKeyScreen(const cv::Mat3b& picture, const std::string& key) {
+  CHECK(key == "green" || key == "blue" || key == "auto") << key;
+  constexpr double kNamedReach = 45 * kPi / 180, kFoundReach = 25 * kPi / 180;
+  constexpr double kSmallestShare = 0.02, kSmallestFoundShare = 0.4;
+  const std::vector<cv::Vec3f> border =
+      BorderColours(ToSmoothLab(ToLinear(picture)));
+  const bool is_named = key != "auto";
+  // Hue angles (Lab) of saturated sRGB green and blue.
+  const double hue = key == "green"  ? 136 * kPi / 180
+                     : key == "blue" ? -54 * kPi / 180
+                                     : FrequentHue(border);
+  const double reach = is_named ? kNamedReach : kFoundReach;
+  std::vector<float> l, a, b;
+  for (const cv::Vec3f& colour : border) {
+    if (Chroma(colour) < kMinChroma) continue;
+    if (std::abs(std::remainder(Hue(colour) - hue, 2 * kPi)) > reach) continue;
+    l.push_back(colour[0]);
+    a.push_back(colour[1]);
+    b.push_back(colour[2]);
+  }
+  KeyScreen screen;
+  screen.border_share =
+      static_cast<double>(l.size()) / static_cast<double>(border.size());
+  screen.found =
+      screen.border_share >= (is_named ? kSmallestShare : kSmallestFoundShare);
+  if (screen.found) {
+    screen.lab = {
+        Median(std::move(l)), Median(std::move(a)), Median(std::move(b))};
+  }
+  return screen;
+}
+
+cv::Mat3f FillScreen(const cv::Mat3b& picture, const KeyScreen& screen) {
+  constexpr float kSurelyScreen = 0.36f;
+  constexpr int kKeepOff = 2;  // px from anything that is not screen
+  const cv::Mat3f linear = ToLinear(picture);
+  const cv::Mat3f lab = ToSmoothLab(linear);
+  cv::Mat1b is_screen(picture.size());
+  for (int y = 0; y < lab.rows; ++y) {
+    for (int x = 0; x < lab.cols; ++x) {
+      is_screen(y, x) =
+          SquaredFromScreen(lab(y, x), screen.lab) < kSurelyScreen ? 255 : 0;
+    }
+  }
+  cv::erode(is_screen,
+            is_screen,
             cv::getStructuringElement(cv::MORPH_RECT,
                                       {2 * kKeepOff + 1, 2 * kKeepOff + 1}));
-  cv::Mat1f weight;
-  screen.convertTo(weight, CV_32F, 1.0 / 255);
-  cv::Mat3f weights;
-  cv::merge(std::vector<cv::Mat1f>{weight, weight, weight}, weights);
-  const cv::Size small(std::max(1, picture.cols / kShrink),
-                       std::max(1, picture.rows / kShrink));
-  cv::Mat3f sum, norm;
-  cv::resize(picture.mul(weights), sum, small, 0, 0, cv::INTER_AREA);
-  cv::resize(weights, norm, small, 0, 0, cv::INTER_AREA);
-  cv::Mat3f all_sum = sum.clone(), all_norm = norm.clone();
+  // Weighted means over ever larger windows, each with a tiny weight beside
+  // the smaller.
+  cv::Mat1f norm;
+  is_screen.convertTo(norm, CV_32F, 1.0 / 255);
+  cv::Mat3f sum(linear.size());
+  for (int y = 0; y < sum.rows; ++y) {
+    for (int x = 0; x < sum.cols; ++x) sum(y, x) = linear(y, x) * norm(y, x);
+  }
+  cv::Mat3f all_sum = sum.clone();
+  cv::Mat1f all_norm = norm.clone();
   double falling = 1;
-  for (int window = 3; window < 4 * std::max(small.width, small.height);
+  for (int window = 3; window < 4 * std::max(sum.cols, sum.rows);
        window = 2 * window + 1) {
-    cv::Mat3f wide_sum, wide_norm;
+    cv::Mat3f wide_sum;
+    cv::Mat1f wide_norm;
     cv::boxFilter(sum, wide_sum, CV_32F, {window, window});
     cv::boxFilter(norm, wide_norm, CV_32F, {window, window});
     falling *= 0.01;
     all_sum += falling * wide_sum;
     all_norm += falling * wide_norm;
   }
-  cv::Mat3f filled;
-  cv::resize(all_sum / (all_norm + cv::Scalar::all(1e-25)),
-             filled,
-             picture.size(),
-             0,
-             0,
-             cv::INTER_LINEAR);
-  return filled;
-}
-
-}  // namespace
-
-BackgroundDifference ChromaDifference(const cv::Mat3b& picture,
-                                      const std::string& key,
-                                      const SegmentOptions& options) {
-  constexpr double kBlur = 0.7;  // px
-  constexpr float kHalf = 0.5f;  // lost or strange share of the chroma
-  constexpr float kChromaNoise = 4;
-  const cv::Mat3f linear = ToLinear(picture);
-  cv::Mat3f lab;
-  cv::GaussianBlur(linear, lab, {}, kBlur, kBlur, cv::BORDER_REPLICATE);
-  cv::cvtColor(lab, lab, cv::COLOR_LBGR2Lab);
-  const Screen screen = FindScreen(lab, key);
-
-  BackgroundDifference result;
-  result.squared =
-      cv::Mat1f(picture.size(), static_cast<float>(4 * options.threshold_high));
-  if (screen.found) {
-    const float chroma = std::hypot(screen.a, screen.b);
-    const float cos_hue = screen.a / chroma;
-    const float sin_hue = screen.b / chroma;
-    const float high = static_cast<float>(options.threshold_high);
-    for (int y = 0; y < lab.rows; ++y) {
-      for (int x = 0; x < lab.cols; ++x) {
-        const cv::Vec3f& p = lab(y, x);
-        // In more or less light the screen's a and b scale with L + 16.
-        const float expected =
-            chroma * (p[0] + 16) / (screen.lightness + 16) + kChromaNoise;
-        const float along = p[1] * cos_hue + p[2] * sin_hue + kChromaNoise;
-        const float across = p[2] * cos_hue - p[1] * sin_hue;
-        const float lost = std::max(0.f, 1 - along / expected) / kHalf;
-        const float strange = across / (kHalf * expected);
-        result.squared(y, x) = high * (lost * lost + strange * strange);
-      }
+  for (int y = 0; y < sum.rows; ++y) {
+    for (int x = 0; x < sum.cols; ++x) {
+      all_sum(y, x) *= 1 / (all_norm(y, x) + 1e-25f);
     }
   }
-  result.squared_at_feet = result.squared;
-  result.squared_unexplained = result.squared;
-  result.background_linear =
-      FillBehind(linear, result.squared, options.threshold_low);
-  cv::Mat1f flat = result.squared.clone().reshape(1, 1);
-  std::vector<float> values(flat.begin(), flat.end());
-  result.noise_ratio = std::sqrt(Median(std::move(values)));
+  return all_sum;
+}
+
+BackgroundEvidence ChromaEvidence(const cv::Mat3f& picture_linear,
+                                  const cv::Mat3f& screen_linear,
+                                  const SegmentOptions& options) {
+  // ln units by which a screen's pixel is likelier to be screen than to have
+  // any other colour.
+  constexpr float kSure = 12;
+  BackgroundEvidence result;
+  result.background_linear = screen_linear;
+  result.lab = ToSmoothLab(picture_linear);
+  const cv::Mat3f screen_lab = ToSmoothLab(screen_linear);
+  result.change = result.lab - screen_lab;
+  result.sigma_l = static_cast<float>(options.sigma_l);
+  result.log_density.create(picture_linear.size());
+  for (int y = 0; y < result.lab.rows; ++y) {
+    for (int x = 0; x < result.lab.cols; ++x) {
+      result.log_density(y, x) =
+          kLogEvenDensity +
+          kSure * std::max(-1.f,
+                           1 - SquaredFromScreen(result.lab(y, x),
+                                                 screen_lab(y, x)));
+    }
+  }
   return result;
 }
 

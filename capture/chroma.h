@@ -1,20 +1,36 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <opencv2/core.hpp>
 #include <string>
 
-#include "capture/plate.h"
+#include "capture/background.h"
+#include "capture/silhouette.h"
 
 namespace sweepfit {
 
-// Chroma key. The screen's hue and chroma are the medians of the pixels along
-// the picture's frame whose hue is that of the key ("green" or "blue"). A
-// pixel's distance to the screen grows with its hue angle and with missing
-// chroma: D^2 = threshold_high at 35 degrees or 0 chroma, 0 within 20 degrees
-// and above half of what the screen has at this lightness. The background
-// behind the person is filled in from the screen around.
-BackgroundDifference ChromaDifference(const cv::Mat3b& picture,
-                                      const std::string& key,
-                                      const SegmentOptions& options);
+// The screen of a chroma key as a picture shows it.
+struct KeyScreen {
+  bool found = false;
+  cv::Vec3f lab;            // its typical colour
+  double border_share = 0;  // of the picture's border that it fills
+};
+
+// Looks for the screen along the border of a picture, which the person seldom
+// fills. `key` is green, blue or auto: the saturated hue that most of the
+// border has.
+KeyScreen FindKeyScreen(const cv::Mat3b& picture, const std::string& key);
+
+// The screen's colour everywhere, also behind the person, from what is seen of
+// it around. Works on the whole (small) picture; linear light.
+cv::Mat3f FillScreen(const cv::Mat3b& picture, const KeyScreen& screen);
+
+// Key subtraction: what keeps half or less of the screen's chroma in its own
+// light, or has as much of another hue, is not the screen. Needs no plate;
+// shadows on the screen are explained; spill is less than half. `screen_linear`
+// is the screen's colour at every pixel, linear light.
+BackgroundEvidence ChromaEvidence(const cv::Mat3f& picture_linear,
+                                  const cv::Mat3f& screen_linear,
+                                  const SegmentOptions& options);
 
 }  // namespace sweepfit

@@ -261,6 +261,22 @@ Eigen::Matrix3d ReadRotation(const Reader& reader,
   return svd.matrixU() * svd.matrixV().transpose();
 }
 
+// One picture of the empty scene, or a list of them.
+std::vector<std::string> ReadBackground(const Reader& reader,
+                                        const YAML::Node& node,
+                                        const std::string& where) {
+  if (!node.IsSequence()) return {reader.File(node, where, "background")};
+  if (node.size() == 0) reader.Fail(node, where, "'background' is empty");
+  std::vector<std::string> files;
+  for (const YAML::Node& item : node) {
+    files.push_back(reader.File(item, where, "background"));
+    if (std::count(files.begin(), files.end(), files.back()) > 1) {
+      reader.Fail(item, where, "'background' names " + files.back() + " twice");
+    }
+  }
+  return files;
+}
+
 CaptureCamera ReadCamera(const Reader& reader,
                          const World& world,
                          const YAML::Node& node,
@@ -304,12 +320,13 @@ CaptureCamera ReadCamera(const Reader& reader,
   camera.world_in_camera =
       world.metres_per_unit * Eigen::Vector3d(t[0], t[1], t[2]);
   if (const YAML::Node background = node["background"]) {
-    result.background = reader.File(background, where, "background");
+    result.background = ReadBackground(reader, background, where);
   }
   if (const YAML::Node key = node["chroma_key"]) {
     result.chroma_key = reader.Text(key, where, "chroma_key");
-    if (result.chroma_key != "green" && result.chroma_key != "blue") {
-      reader.Fail(key, where, "'chroma_key' must be green or blue");
+    if (result.chroma_key != "green" && result.chroma_key != "blue" &&
+        result.chroma_key != "auto") {
+      reader.Fail(key, where, "'chroma_key' must be green, blue or auto");
     }
   }
   return result;

@@ -10,10 +10,8 @@
 namespace sweepfit {
 namespace {
 
-// The mask's boundary lies where the first trace of the person shows, a little
-// outside of half coverage.
-constexpr int kBandInside = 3;   // px
-constexpr int kBandOutside = 2;  // px
+// The boundary lies this near to that of the mask, px.
+constexpr int kBand = 3;
 
 cv::Mat Disc(int radius) {
   return cv::getStructuringElement(cv::MORPH_ELLIPSE,
@@ -58,14 +56,17 @@ cv::Mat1f Mix(const cv::Mat3f& picture,
   constexpr int kWindow = 9;
   constexpr float kDarkestRatio = 0.3f, kBrightestRatio = 1.3f;
   const cv::Mat1b outside = mask == 0;
-  const cv::Mat3f person = LocalMean(picture, CoreWeight(mask), kWindow);
+  const cv::Mat1f inside_weight = CoreWeight(mask);
+  const cv::Mat3f person = LocalMean(picture, inside_weight, kWindow);
+  const cv::Mat3f person_square =
+      LocalMean(picture.mul(picture), inside_weight, kWindow);
   const cv::Mat1f outside_weight = CoreWeight(outside);
   const cv::Mat3f picture_outside = LocalMean(picture, outside_weight, kWindow);
   const cv::Mat3f background_outside =
       LocalMean(background, outside_weight, kWindow);
   cv::Mat1b grown, shrunk;
-  cv::dilate(mask, grown, Disc(kBandOutside));
-  cv::erode(mask, shrunk, Disc(kBandInside));
+  cv::dilate(mask, grown, Disc(kBand));
+  cv::erode(mask, shrunk, Disc(kBand));
   cv::Mat1f prior;
   mask.convertTo(prior, CV_32F, 1.0 / 255);
   cv::GaussianBlur(prior, prior, {}, 0.8, 0.8, cv::BORDER_REPLICATE);
@@ -78,6 +79,7 @@ cv::Mat1f Mix(const cv::Mat3f& picture,
         continue;
       }
       float along = 0, contrast = 0, brightness = 0;
+      cv::Vec3f direction;
       for (int c = 0; c < 3; ++c) {
         const float ratio =
             std::clamp((picture_outside(y, x)[c] + 1e-3f) /
@@ -86,13 +88,21 @@ cv::Mat1f Mix(const cv::Mat3f& picture,
                        kBrightestRatio);
         const float b = background(y, x)[c] * ratio;
         const float f = person(y, x)[c];
+        direction[c] = f - b;
         along += (picture(y, x)[c] - b) * (f - b);
         contrast += (f - b) * (f - b);
         brightness += 0.5f * (f + b) / 3;
       }
-      // Noise and texture of the colours that are mixed.
+      // Noise, and shading and texture of the person along the mixture.
+      float spread = 0;
+      for (int c = 0; c < 3; ++c) {
+        const float f = person(y, x)[c];
+        const float variance = std::max(0.f, person_square(y, x)[c] - f * f);
+        spread += std::abs(direction[c]) * std::sqrt(variance);
+      }
       const float sigma = 0.004f + 0.06f * brightness;
-      const float trust = sigma * sigma;
+      const float trust =
+          sigma * sigma + spread * spread / std::max(contrast, 1e-9f);
       alpha(y, x) = std::clamp(
           (along + trust * prior(y, x)) / (contrast + trust), 0.f, 1.f);
     }

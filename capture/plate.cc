@@ -1,30 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "capture/plate.h"
 
+#include <glog/logging.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
-#include <vector>
+
+#include "capture/colour.h"
 
 namespace sweepfit {
 namespace {
 
-std::array<float, 256> LinearTable() {
-  std::array<float, 256> table{};
-  for (int i = 0; i < 256; ++i) {
-    const double v = i / 255.0;
-    table[i] = static_cast<float>(
-        v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4));
-  }
-  return table;
-}
-
-cv::Mat3f ToLab(const cv::Mat3f& linear) {
-  cv::Mat3f lab;
-  cv::cvtColor(linear, lab, cv::COLOR_LBGR2Lab);
-  return lab;
-}
+constexpr double kSigmaPerMedian = 1.4826;  // of a normal |deviation|
 
 double Median(std::vector<float>* values) {
   if (values->empty()) return 0;
@@ -50,8 +39,7 @@ double TrimmedMean(std::vector<float>* values, double reach) {
   return centre;
 }
 
-// The plate as this exposure would have taken it, sRGB codes; a table per
-// channel.
+// The plate as this exposure would have taken it, sRGB codes.
 cv::Mat3b ApplyGain(const cv::Mat3b& plate, const cv::Vec3d& gain) {
   cv::Mat3b table(1, 256);
   for (int i = 0; i < 256; ++i) {
@@ -64,9 +52,44 @@ cv::Mat3b ApplyGain(const cv::Mat3b& plate, const cv::Vec3d& gain) {
   return result;
 }
 
-cv::Mat Square(int radius) {
-  return cv::getStructuringElement(cv::MORPH_RECT,
-                                   {2 * radius + 1, 2 * radius + 1});
+// The middle value of every pixel and channel.
+cv::Mat3b MiddleFrame(const std::vector<cv::Mat3b>& frames) {
+  const int channels = 3 * frames[0].cols;
+  cv::Mat3b middle(frames[0].size());
+  std::vector<std::uint8_t> values(frames.size());
+  for (int y = 0; y < middle.rows; ++y) {
+    for (int x = 0; x < channels; ++x) {
+      for (std::size_t i = 0; i < frames.size(); ++i) {
+        values[i] = frames[i].ptr(y)[x];
+      }
+      std::sort(values.begin(), values.end());
+      const std::size_t low = (values.size() - 1) / 2, high = values.size() / 2;
+      middle.ptr(y)[x] =
+          static_cast<std::uint8_t>((values[low] + values[high] + 1) / 2);
+    }
+  }
+  return middle;
+}
+
+cv::Mat2f FrameVariance(const std::vector<cv::Mat3b>& frames,
+                        const cv::Mat3b& middle) {
+  constexpr float kLargest = 36;  // what passes through one frame counts little
+  constexpr int kWindow = 5;
+  const cv::Mat3f middle_lab = ToSmoothLab(ToLinear(middle));
+  cv::Mat2f sum(middle.size(), cv::Vec2f(0, 0));
+  for (const cv::Mat3b& frame : frames) {
+    const cv::Mat3f lab = ToSmoothLab(ToLinear(frame));
+    for (int y = 0; y < sum.rows; ++y) {
+      for (int x = 0; x < sum.cols; ++x) {
+        const cv::Vec3f d = lab(y, x) - middle_lab(y, x);
+        sum(y, x) +=
+            cv::Vec2f(std::min(d[0] * d[0], kLargest),
+                      std::min(0.5f * (d[1] * d[1] + d[2] * d[2]), kLargest));
+      }
+    }
+  }
+  cv::blur(sum, sum, {kWindow, kWindow}, {-1, -1}, cv::BORDER_REPLICATE);
+  return sum / static_cast<double>(frames.size() - 1);
 }
 
 // Length of the gradient, per pixel.
@@ -79,22 +102,165 @@ cv::Mat1f Slope(const cv::Mat1f& image) {
   return slope;
 }
 
-// The pixels that shadow or highlight can explain and that are joined to plain
-// background without crossing an edge: light changes softly across the plate,
-// whereas a garment that is a darker shade of the wall has an outline. (The
-// plate's own edges cancel in the ratio of picture and plate.) An edge is where
-// ln light changes by more than `steepest` per pixel; gaps in it up to 2
-// `closing` pixels wide are closed.
+// Variance of L and of (a + b) / 2: noise, what the plate's own edges do when
+// the camera shakes a little, and what changed from frame to frame.
+cv::Mat2f PixelVariance(const PlateModel& plate,
+                        const cv::Mat3f& plate_lab,
+                        const PlateNoise& noise) {
+  constexpr float kShake = 0.25f;  // px
+  std::array<cv::Mat1f, 3> channels;
+  cv::split(plate_lab, channels.data());
+  const cv::Mat1f l = Slope(channels[0]);
+  const cv::Mat1f a = Slope(channels[1]);
+  const cv::Mat1f b = Slope(channels[2]);
+  const float noise_l = noise.sigma_l * noise.sigma_l;
+  const float noise_ab = noise.sigma_ab * noise.sigma_ab;
+  cv::Mat2f variance(plate_lab.size());
+  for (int y = 0; y < variance.rows; ++y) {
+    for (int x = 0; x < variance.cols; ++x) {
+      const float da = a(y, x), db = b(y, x), dl = l(y, x);
+      cv::Vec2f own(noise_l, noise_ab);
+      if (!plate.variance.empty()) {
+        const cv::Vec2f& v = plate.variance(y, x);
+        own = {std::max(own[0], v[0]), std::max(own[1], v[1])};
+      }
+      variance(y, x) = own + kShake * kShake *
+                                 cv::Vec2f(dl * dl, 0.5f * (da * da + db * db));
+    }
+  }
+  return variance;
+}
+
+// How light that falls on the background may differ from the plate's.
+struct OtherLight {
+  float log_probability;  // ln of the prior that it does
+  float reflected;  // scale of the colour that a person adds, per change of L
+  float sharpest;   // change of ln light per pixel: beyond, it is an outline
+};
+
+// Up in the air few pixels are in other light, on the floor more, around the
+// feet more still; and there its edges are sharper and it takes the colour of
+// the feet. `at_feet`: 0 in the air, 1/2 on the floor, 1 around the feet.
+OtherLight ExpectedLight(float at_feet) {
+  constexpr OtherLight kInAir = {-6, 0.03f, 0.07f};
+  constexpr OtherLight kOnFloor = {-4, 0.03f, 0.07f};
+  constexpr OtherLight kAtFeet = {-3, 0.06f, 0.25f};
+  const bool is_floor = at_feet > 0.5f;
+  const OtherLight& a = is_floor ? kOnFloor : kInAir;
+  const OtherLight& b = is_floor ? kAtFeet : kOnFloor;
+  const float t = is_floor ? 2 * at_feet - 1 : 2 * at_feet;
+  return {a.log_probability + t * (b.log_probability - a.log_probability),
+          a.reflected + t * (b.reflected - a.reflected),
+          a.sharpest + t * (b.sharpest - a.sharpest)};
+}
+
+// A pixel where the background may be seen.
+struct Pixel {
+  cv::Vec3f colour;    // of the picture, CIELAB
+  cv::Vec3f plate;     // of the plate
+  cv::Vec2f variance;  // of L and (a + b) / 2
+  LightChange change;  // from plate to picture
+  float log_light;     // ln of the change of light
+  float light_slope;   // of that, per pixel
+};
+
+float SquaredDistance(const Pixel& pixel, const SegmentOptions& options) {
+  const cv::Vec3f d = pixel.colour - pixel.plate;
+  return static_cast<float>(options.lightness_weight) * d[0] * d[0] /
+             pixel.variance[0] +
+         (d[1] * d[1] + d[2] * d[2]) / pixel.variance[1];
+}
+
+// Squared, of the colour that a change of light leaves unexplained.
+float VarianceLeft(const Pixel& pixel, const OtherLight& light) {
+  const float reflected = light.reflected * (pixel.colour[0] - pixel.plate[0]);
+  return pixel.variance[1] + reflected * reflected;
+}
+float SquaredLeft(const Pixel& pixel) {
+  return pixel.change.da * pixel.change.da + pixel.change.db * pixel.change.db;
+}
+
+// Whether another light could be all that changed.
+bool IsShadowOrHighlight(const Pixel& pixel, const OtherLight& light) {
+  constexpr float kDarkest = -3, kBrightest = 0.35f;  // ln
+  constexpr float kMostLeft = 20;                     // squared, of its scale
+  return pixel.log_light > kDarkest && pixel.log_light < kBrightest &&
+         SquaredLeft(pixel) < kMostLeft * VarianceLeft(pixel, light);
+}
+
+// ln of the density of a pixel's colour if it shows the background. `is_soft`:
+// its light passes softly into that of plain background, so that it is no
+// surprise, however dark.
+float LogDensity(const Pixel& pixel,
+                 const OtherLight& light,
+                 bool is_soft,
+                 const SegmentOptions& options) {
+  constexpr float kLog2Pi = 1.8378771f;
+  constexpr float kLogStrange = -6.9f;  // 1/1000 is nothing that we know
+  constexpr float kMostForSlope = 5;
+  constexpr float kLogSoft = -0.5f;
+  const float variance_l = pixel.variance[0], variance_ab = pixel.variance[1];
+  const float as_it_is = -0.5f * (SquaredDistance(pixel, options) +
+                                  3 * kLog2Pi + std::log(variance_l)) -
+                         std::log(variance_ab);
+  // Two degrees of freedom: most of it is grey, some is strongly coloured.
+  const float variance_left = VarianceLeft(pixel, light);
+  const float log_left =
+      -kLog2Pi - std::log(variance_left) -
+      2 * std::log(1 + 0.5f * SquaredLeft(pixel) / variance_left);
+  const float per_l = 3 / (pixel.colour[0] + 16);  // ln light per L
+  float in_other_light = log_left + std::log(per_l);
+  if (is_soft) {
+    in_other_light += kLogSoft;
+  } else {
+    // Light seldom comes; it goes where somebody stands in it.
+    float depth = static_cast<float>(options.shadow_depth);
+    if (pixel.log_light > 0) depth *= 0.5f;
+    // The noise of a slope is about half that of a pixel.
+    const float variance_slope = 0.5f * light.sharpest * light.sharpest +
+                                 0.25f * per_l * per_l * variance_l;
+    const float sharp =
+        0.5f * pixel.light_slope * pixel.light_slope / variance_slope;
+    in_other_light += light.log_probability -
+                      std::abs(pixel.log_light) / depth - std::log(2 * depth) -
+                      std::min(sharp, kMostForSlope);
+  }
+  return std::max({as_it_is, in_other_light, kLogStrange + kLogEvenDensity});
+}
+
+cv::Mat Square(int radius) {
+  return cv::getStructuringElement(cv::MORPH_RECT,
+                                   {2 * radius + 1, 2 * radius + 1});
+}
+
+// The candidates that are joined to plain background without crossing an edge
+// of the light: light changes softly across the plate, whereas a garment that
+// is a darker shade of the wall has an outline. (The plate's own edges cancel
+// in the ratio of picture and plate.) Gaps in edges are closed: in the air up
+// to 6 pixels, at the feet up to 2.
 cv::Mat1b SoftlyLit(const cv::Mat1b& candidate,
                     const cv::Mat1b& plain,
                     const cv::Mat1f& slope,
-                    float steepest,
-                    int closing) {
+                    const std::vector<float>& at_feet) {
   constexpr double kSmallestShare = 0.002;  // of the picture, plain pixels
-  cv::Mat1f widened;
-  cv::dilate(slope, widened, Square(closing));
-  const cv::Mat1b smooth = widened < steepest;
-  const cv::Mat1b passable = plain | (candidate & smooth);
+  constexpr int kClosing = 3, kClosingAtFeet = 1;
+  cv::Mat1b edge(slope.size()), wide, narrow;
+  for (int y = 0; y < slope.rows; ++y) {
+    const float sharpest = ExpectedLight(at_feet[y]).sharpest;
+    for (int x = 0; x < slope.cols; ++x) {
+      edge(y, x) = slope(y, x) > sharpest ? 255 : 0;
+    }
+  }
+  cv::dilate(edge, wide, Square(kClosing));
+  cv::dilate(edge, narrow, Square(kClosingAtFeet));
+  cv::Mat1b passable(slope.size());
+  for (int y = 0; y < slope.rows; ++y) {
+    const cv::Mat1b& closed = at_feet[y] > 0.75f ? narrow : wide;
+    for (int x = 0; x < slope.cols; ++x) {
+      passable(y, x) =
+          plain(y, x) || (candidate(y, x) && !closed(y, x)) ? 255 : 0;
+    }
+  }
   cv::Mat1i label;
   const int count = cv::connectedComponents(passable, label, 4, CV_32S);
   std::vector<int> plain_area(count, 0);
@@ -112,91 +278,86 @@ cv::Mat1b SoftlyLit(const cv::Mat1b& candidate,
     }
   }
   // Back, but not into the outline itself.
-  cv::dilate(reached, reached, Square(std::max(1, closing - 2)));
+  cv::dilate(reached, reached, Square(1));
   return reached & candidate;
 }
 
-// Lightness of picture and plate, and what is left of the colour difference
-// once the plate is shown in the picture's light.
-bool IsShadowOrHighlight(float lightness, float plate, float chroma) {
-  const float ratio = lightness / std::max(plate, 1.f);
-  if (ratio > 1) return ratio <= 1.15f && chroma <= 4;
-  return ratio >= 0.3f && chroma <= 3.0f + 0.06f * std::abs(lightness - plate);
-}
-
-// Noise of the difference of picture and plate, Lab units.
-struct Noise {
-  float sigma_l;
-  float sigma_ab;
-  double ratio;  // the larger of the two as measured, over the option's floor
-};
-
-// 1.4826 median |difference|: the person covers less than half of a picture.
-Noise MeasureNoise(const cv::Mat3f& lab,
-                   const cv::Mat3f& plate_lab,
-                   const SegmentOptions& options) {
-  constexpr int kStep = 3;
-  constexpr double kSigmaPerMedian = 1.4826;
-  std::vector<float> l, ab;
-  for (int y = 0; y < lab.rows; y += kStep) {
-    for (int x = 0; x < lab.cols; x += kStep) {
-      const cv::Vec3f d = lab(y, x) - plate_lab(y, x);
-      l.push_back(std::abs(d[0]));
-      ab.push_back(std::abs(d[1]));
-      ab.push_back(std::abs(d[2]));
+// ln of the density of every pixel's colour if it shows the background.
+cv::Mat1f LogDensities(const cv::Mat3f& lab,
+                       const cv::Mat3f& plate_lab,
+                       const cv::Mat2f& variance,
+                       const std::vector<float>& at_feet,
+                       const SegmentOptions& options) {
+  constexpr float kPlain = 9;  // squared distance
+  const auto pixel_at = [&](int x, int y) {
+    Pixel pixel{lab(y, x), plate_lab(y, x), variance(y, x), {}, 0, 0};
+    pixel.change = ExplainByLight(pixel.colour, pixel.plate);
+    return pixel;
+  };
+  cv::Mat1f log_light(lab.size());
+  cv::Mat1b candidate(lab.size()), plain(lab.size());
+  for (int y = 0; y < lab.rows; ++y) {
+    const OtherLight light = ExpectedLight(at_feet[y]);
+    for (int x = 0; x < lab.cols; ++x) {
+      Pixel pixel = pixel_at(x, y);
+      pixel.log_light = log_light(y, x) = 3 * std::log(pixel.change.factor);
+      candidate(y, x) = IsShadowOrHighlight(pixel, light) ? 255 : 0;
+      plain(y, x) = SquaredDistance(pixel, options) < kPlain ? 255 : 0;
     }
   }
-  const double sigma_l = kSigmaPerMedian * Median(&l);
-  const double sigma_ab = kSigmaPerMedian * Median(&ab);
-  return {static_cast<float>(std::max(sigma_l, options.sigma_l)),
-          static_cast<float>(std::max(sigma_ab, options.sigma_ab)),
-          std::max(sigma_l / options.sigma_l, sigma_ab / options.sigma_ab)};
-}
-
-struct Variance {
-  cv::Mat1f l, ab;
-};
-
-// Noise, and what the plate's own edges do when the camera shakes a little.
-Variance PixelVariance(const cv::Mat3f& plate_lab, const Noise& noise) {
-  constexpr float kShake = 0.25f;  // px
-  std::vector<cv::Mat1f> channels;
-  cv::split(plate_lab, channels);
-  const cv::Mat1f l = kShake * Slope(channels[0]);
-  const cv::Mat1f a = kShake * Slope(channels[1]);
-  const cv::Mat1f b = kShake * Slope(channels[2]);
-  Variance variance;
-  variance.l = l.mul(l) + noise.sigma_l * noise.sigma_l;
-  variance.ab = 0.5 * (a.mul(a) + b.mul(b)) + noise.sigma_ab * noise.sigma_ab;
-  return variance;
+  const cv::Mat1f slope = Slope(log_light);
+  const cv::Mat1b soft = SoftlyLit(candidate, plain, slope, at_feet);
+  cv::Mat1f log_density(lab.size());
+  for (int y = 0; y < lab.rows; ++y) {
+    const OtherLight light = ExpectedLight(at_feet[y]);
+    for (int x = 0; x < lab.cols; ++x) {
+      Pixel pixel = pixel_at(x, y);
+      pixel.log_light = log_light(y, x);
+      pixel.light_slope = slope(y, x);
+      log_density(y, x) = LogDensity(pixel, light, soft(y, x) != 0, options);
+    }
+  }
+  return log_density;
 }
 
 }  // namespace
 
-cv::Mat3f ToLinear(const cv::Mat3b& picture) {
-  static const std::array<float, 256> kTable = LinearTable();
-  cv::Mat3f linear;
-  cv::LUT(
-      picture, cv::Mat1f(1, 256, const_cast<float*>(kTable.data())), linear);
-  return linear;
+PlateModel PlateModel::operator()(const cv::Rect& part) const {
+  return {picture(part), variance.empty() ? variance : variance(part)};
+}
+
+PlateModel BuildPlateModel(const std::vector<cv::Mat3b>& frames) {
+  CHECK(!frames.empty());
+  if (frames.size() == 1) return {frames[0], {}};
+  std::vector<cv::Mat3b> matched = {frames[0]};
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    CHECK(frames[i].size() == frames[0].size());
+    matched.push_back(ApplyGain(frames[i], ExposureGain(frames[0], frames[i])));
+  }
+  const cv::Mat3b middle = MiddleFrame(matched);
+  return {middle, FrameVariance(matched, middle)};
 }
 
 cv::Vec3d ExposureGain(const cv::Mat3b& picture, const cv::Mat3b& plate) {
-  constexpr int kStep = 3;
+  constexpr int kMostSamples = 100000;
   constexpr int kDarkest = 24;  // noise makes ratios of darker values useless
   constexpr int kBrightest = 240;
   constexpr std::size_t kFewest = 100;
   constexpr double kReach = 0.06;
+  std::array<float, 256> log_of{};
+  for (int i = 1; i < 256; ++i) log_of[i] = std::log(static_cast<float>(i));
+  const int step =
+      1 + static_cast<int>(std::sqrt(plate.total() / double{kMostSamples}));
   cv::Vec3d gain(1, 1, 1);
+  std::vector<float> log_ratio;
   for (int c = 0; c < 3; ++c) {
-    std::vector<float> log_ratio;
-    for (int y = 0; y < plate.rows; y += kStep) {
-      for (int x = 0; x < plate.cols; x += kStep) {
+    log_ratio.clear();
+    for (int y = 0; y < plate.rows; y += step) {
+      for (int x = 0; x < plate.cols; x += step) {
         const int a = picture(y, x)[c];
         const int b = plate(y, x)[c];
         if (std::min(a, b) < kDarkest || std::max(a, b) > kBrightest) continue;
-        log_ratio.push_back(
-            std::log(static_cast<float>(a) / static_cast<float>(b)));
+        log_ratio.push_back(log_of[a] - log_of[b]);
       }
     }
     if (log_ratio.size() >= kFewest) {
@@ -206,77 +367,53 @@ cv::Vec3d ExposureGain(const cv::Mat3b& picture, const cv::Mat3b& plate) {
   return gain;
 }
 
-BackgroundDifference PlateDifference(const cv::Mat3b& picture,
-                                     const cv::Mat3b& plate,
-                                     const SegmentOptions& options) {
-  constexpr double kPlateBlur = 0.7;    // px: one plate has noise of its own
-  constexpr double kPictureBlur = 0.7;  // px
-  BackgroundDifference result;
-  result.background_linear =
-      ToLinear(ApplyGain(plate, ExposureGain(picture, plate)));
-  cv::GaussianBlur(result.background_linear,
-                   result.background_linear,
-                   {},
-                   kPlateBlur,
-                   kPlateBlur,
-                   cv::BORDER_REPLICATE);
-  cv::Mat3f smooth;
-  cv::GaussianBlur(ToLinear(picture),
-                   smooth,
-                   {},
-                   kPictureBlur,
-                   kPictureBlur,
-                   cv::BORDER_REPLICATE);
-  const cv::Mat3f lab = ToLab(smooth);
-  const cv::Mat3f plate_lab = ToLab(result.background_linear);
-
-  // A plate with a colour of its own (a key screen): the same hue and
-  // saturation are proof enough of a shadow, outline or not.
-  constexpr float kOwnColour = 20;
-  constexpr float kSameColour = 0.2f;
-  const Noise noise = MeasureNoise(lab, plate_lab, options);
-  const Variance variance = PixelVariance(plate_lab, noise);
-  const float weight_l = static_cast<float>(options.lightness_weight);
-  result.squared_unexplained.create(picture.size());
-  cv::Mat1f explained(picture.size()), log_light(picture.size());
-  cv::Mat1b candidate(picture.size()), same_colour(picture.size());
-  for (int y = 0; y < picture.rows; ++y) {
-    for (int x = 0; x < picture.cols; ++x) {
-      const cv::Vec3f& p = lab(y, x);
-      const cv::Vec3f& q = plate_lab(y, x);
-      const cv::Vec3f d = p - q;
-      const float variance_ab = variance.ab(y, x);
-      result.squared_unexplained(y, x) =
-          weight_l * d[0] * d[0] / variance.l(y, x) +
-          (d[1] * d[1] + d[2] * d[2]) / variance_ab;
-      // L + 16 scales with the cube root of the light, and so do a and b.
-      const float k = (p[0] + 16) / (q[0] + 16);
-      const float da = p[1] - k * q[1];
-      const float db = p[2] - k * q[2];
-      const float chroma = std::hypot(da, db);
-      explained(y, x) = chroma * chroma / variance_ab;
-      log_light(y, x) = 3 * std::log(k);
-      candidate(y, x) = IsShadowOrHighlight(p[0], q[0], chroma) ? 255 : 0;
-      const float expected = k * std::hypot(q[1], q[2]);
-      same_colour(y, x) = candidate(y, x) && expected > kOwnColour &&
-                                  chroma < kSameColour * expected
-                              ? 255
-                              : 0;
+PlateNoise MeasurePlateNoise(const cv::Mat3f& change,
+                             const cv::Mat1b& is_background,
+                             const SegmentOptions& options) {
+  constexpr int kMostSamples = 40000;
+  const int step =
+      1 + static_cast<int>(std::sqrt(change.total() / double{kMostSamples}));
+  std::vector<float> l, ab;
+  for (int y = 0; y < change.rows; y += step) {
+    for (int x = 0; x < change.cols; x += step) {
+      if (!is_background(y, x)) continue;
+      const cv::Vec3f& d = change(y, x);
+      l.push_back(std::abs(d[0]));
+      ab.push_back(std::abs(d[1]));
+      ab.push_back(std::abs(d[2]));
     }
   }
-  const cv::Mat1b plain = result.squared_unexplained < options.threshold_low;
-  const cv::Mat1f slope = Slope(log_light);
-  constexpr float kOutline = 0.07f, kOutlineAtFeet = 0.25f;
-  const auto explain = [&](cv::Mat1b lit) {
-    lit |= same_colour;
-    cv::Mat1f squared = result.squared_unexplained.clone();
-    cv::Mat1f(cv::min(squared, explained)).copyTo(squared, lit);
-    return squared;
-  };
-  result.squared = explain(SoftlyLit(candidate, plain, slope, kOutline, 3));
-  result.squared_at_feet =
-      explain(SoftlyLit(candidate, plain, slope, kOutlineAtFeet, 1));
-  result.noise_ratio = noise.ratio;
+  return {static_cast<float>(
+              std::max(kSigmaPerMedian * Median(&l), options.sigma_l)),
+          static_cast<float>(
+              std::max(kSigmaPerMedian * Median(&ab), options.sigma_ab))};
+}
+
+BackgroundEvidence PlateEvidence(const cv::Mat3f& picture_linear,
+                                 const PlateModel& plate,
+                                 const cv::Vec3d& gain,
+                                 const cv::Mat1b& is_background,
+                                 const std::vector<float>& at_feet,
+                                 const SegmentOptions& options) {
+  CHECK_EQ(at_feet.size(), static_cast<std::size_t>(picture_linear.rows));
+  constexpr double kPlateBlur = 0.7;  // px: a single plate has noise of its own
+  BackgroundEvidence result;
+  const cv::Mat3f plate_linear = ToLinear(plate.picture, gain);
+  const cv::Mat3f plate_lab = ToSmoothLab(plate_linear);
+  cv::GaussianBlur(plate_linear,
+                   result.background_linear,
+                   {5, 5},
+                   kPlateBlur,
+                   kPlateBlur,
+                   cv::BORDER_REPLICATE);
+  result.lab = ToSmoothLab(picture_linear);
+  result.change = result.lab - plate_lab;
+  const PlateNoise noise =
+      MeasurePlateNoise(result.change, is_background, options);
+  result.sigma_l = noise.sigma_l;
+  const cv::Mat2f variance = PixelVariance(plate, plate_lab, noise);
+  result.log_density =
+      LogDensities(result.lab, plate_lab, variance, at_feet, options);
   return result;
 }
 

@@ -13,19 +13,25 @@
 namespace sweepfit {
 
 struct SegmentOptions {
-  // auto: given masks where there are any, else plate, else chroma.
+  // auto chooses for every camera: given masks where there are any; plate and
+  // key together where both are there and sound; else the one that is.
   // plate | chroma | both | masks force one.
   std::string mode = "auto";
   // Floor of the noise of picture and plate in CIELAB units; it is measured for
   // every camera, but what a single plate shows may be less than there is.
   double sigma_l = 1.0;
   double sigma_ab = 0.8;
-  // Share of the squared lightness difference that counts. Shadows are told by
-  // their soft edges; a share below 1 forgives them more and dark clothes less.
+  // Share of the squared lightness difference that counts. Shadows are
+  // explained as such; a share below 1 forgives them more and dark clothes
+  // less.
   double lightness_weight = 1;
-  // Hysteresis on the squared Mahalanobis distance.
-  double threshold_high = 25;
-  double threshold_low = 9;
+  // How dark shadows are: scale of the exponential prior of -ln(light).
+  double shadow_depth = 0.4;
+  // Hysteresis on the ln of the likelihood ratio of person to background.
+  double seed_ratio = 4;
+  double grow_ratio = 0;
+  // Cost of an outline where there is no edge, ln units per pixel of length.
+  double smoothness = 6;
 
   std::optional<std::string> Check() const;
 };
@@ -39,13 +45,16 @@ struct View {
   // pinhole pixels of K (same size as the picture): sample it at
   // ProjectPinhole. Sub-pixel at the boundary (coverage 0.5).
   cv::Mat1f signed_distance;
-  std::string mode;  // how it was segmented
+  std::string mode;    // how it was segmented
+  double quality = 1;  // 0..1: how far the silhouette can be trusted
 };
 
 // Segments the pictures of one pose. The result has one view per camera id, in
 // that order, without the cameras that have no picture or whose computed
 // silhouette cannot be that of a person (nobody seen, the plate of another
-// camera): a warning names each of them. InputError when a picture or a given
+// camera): a warning names each of them, and those that are doubtful. The
+// summary says for every camera what was used, why, and how good it is.
+// InputError when a picture or a given
 // mask cannot be used, FitError when fewer than two silhouettes are left.
 std::vector<View> Segment(const Capture& capture,
                           const CapturePose& pose,

@@ -234,7 +234,7 @@ Capture DescribeCapture(const fs::path& folder,
     CaptureCamera entry;
     entry.camera = cameras[i];
     if (options.background) {
-      entry.background = "background/" + cameras[i].id + ".jpg";
+      entry.background = {"background/" + cameras[i].id + ".jpg"};
     }
     capture.cameras.push_back(entry);
     if (cameras.size() >= 16 && i % 2 == 1) {
@@ -268,8 +268,8 @@ void WriteCamera(const Capture& capture,
   Random random(0x6e6f6973ull * 1000003 + 1009 * options.seed + index);
   const double gain = random.Uniform(0.95, 1.05);
   const cv::Mat3f empty_room = DrawRoom(camera, room);
-  if (entry.background) {
-    WritePicture(capture.folder / *entry.background,
+  if (!entry.background.empty()) {
+    WritePicture(capture.folder / entry.background[0],
                  Expose(empty_room, gain, options.noise, &random));
   }
   for (size_t i = 0; i < subjects.size(); ++i) {

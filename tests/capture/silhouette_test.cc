@@ -155,7 +155,7 @@ class SegmentTest : public ::testing::Test {
     entry.camera.width = entry.camera.height = kSize;
     entry.camera.K << 300, 0, 119.5, 0, 300, 119.5, 0, 0, 1;
     if (scene.green) entry.chroma_key = "green";
-    entry.background = Save(id + "_plate.png", Render(empty, seed));
+    entry.background = {Save(id + "_plate.png", Render(empty, seed))};
     capture_.cameras.push_back(entry);
     capture_.poses[0].images[id] = Save(id + ".png", Render(scene, seed + 1));
     ids_.push_back(id);
@@ -292,7 +292,7 @@ TEST_F(SegmentTest, AsksForWhatAModeNeeds) {
   EXPECT_THAT(error(), HasSubstr("camera a: segment.mode=masks needs a mask"));
   options_.mode = "chroma";
   EXPECT_THAT(error(), HasSubstr("needs a chroma_key"));
-  capture_.cameras[1].background.reset();
+  capture_.cameras[1].background.clear();
   options_.mode = "plate";
   EXPECT_THAT(error(), HasSubstr("camera b: segment.mode=plate needs"));
   options_.mode = "auto";

@@ -79,7 +79,7 @@ TEST_F(SyntheticCapture, LoadsWithItsPicturesAndPlates) {
   ASSERT_EQ(capture.poses.size(), 2u);
   for (const CaptureCamera& entry : capture.cameras) {
     const cv::Mat3b plate =
-        LoadPicture(capture, *entry.background, entry.camera);
+        LoadPicture(capture, entry.background.at(0), entry.camera);
     const cv::Mat3b image = LoadPicture(
         capture, capture.poses[0].images.at(entry.camera.id), entry.camera);
     const cv::Mat1f mask = TruthMask("A", entry.camera.id);
@@ -199,7 +199,7 @@ TEST_F(SyntheticCapture, YawAndShiftMoveTheTruth) {
   }
   // Given masks instead of plates.
   const Capture capture = LoadCapture(OtherFolder());
-  EXPECT_FALSE(capture.cameras[0].background);
+  EXPECT_TRUE(capture.cameras[0].background.empty());
   const cv::Mat1f mask = LoadMask(
       capture, capture.poses[0].masks.at("cam00"), capture.cameras[0].camera);
   EXPECT_GT(cv::mean(mask)[0], 0.02);

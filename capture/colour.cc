@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "capture/colour.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+namespace sweepfit {
+namespace {
+
+double Decode(double code) {
+  const double v = std::clamp(code / 255, 0.0, 1.0);
+  return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
+}
+
+}  // namespace
+
+cv::Mat3f ToLinear(const cv::Mat3b& picture, const cv::Vec3d& gain) {
+  cv::Mat3f table(1, 256);
+  for (int i = 0; i < 256; ++i) {
+    for (int c = 0; c < 3; ++c) {
+      table(0, i)[c] = static_cast<float>(Decode(gain[c] * i));
+    }
+  }
+  cv::Mat3f linear;
+  cv::LUT(picture, table, linear);
+  return linear;
+}
+
+cv::Mat3f ToSmoothLab(const cv::Mat3f& linear) {
+  constexpr double kBlur = 0.7;  // px
+  cv::Mat3f lab;
+  cv::GaussianBlur(linear, lab, {5, 5}, kBlur, kBlur, cv::BORDER_REPLICATE);
+  cv::cvtColor(lab, lab, cv::COLOR_LBGR2Lab);
+  return lab;
+}
+
+}  // namespace sweepfit
