@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "capture/colour.h"
+#include "capture/other_light.h"
 
 namespace sweepfit {
 namespace {
@@ -159,24 +160,54 @@ cv::Mat3f FillScreen(const cv::Mat3b& picture, const KeyScreen& screen) {
 
 BackgroundEvidence ChromaEvidence(const cv::Mat3f& picture_linear,
                                   const cv::Mat3f& screen_linear,
+                                  const std::vector<float>& at_feet,
                                   const SegmentOptions& options) {
+  CHECK_EQ(at_feet.size(), static_cast<std::size_t>(picture_linear.rows));
   // ln units by which a screen's pixel is likelier to be screen than to have
   // any other colour.
   constexpr float kSure = 12;
+  constexpr float kPlainLight = 0.1f;  // of ln
+  constexpr float kSurelyScreen = 0.36f;
   BackgroundEvidence result;
   result.background_linear = screen_linear;
   result.lab = ToSmoothLab(picture_linear);
   const cv::Mat3f screen_lab = ToSmoothLab(screen_linear);
   result.change = result.lab - screen_lab;
   result.sigma_l = static_cast<float>(options.sigma_l);
-  result.log_density.create(picture_linear.size());
-  for (int y = 0; y < result.lab.rows; ++y) {
-    for (int x = 0; x < result.lab.cols; ++x) {
-      result.log_density(y, x) =
-          kLogEvenDensity +
-          kSure * std::max(-1.f,
-                           1 - SquaredFromScreen(result.lab(y, x),
-                                                 screen_lab(y, x)));
+  cv::Mat1f squared(result.lab.size()), log_light(result.lab.size());
+  cv::Mat1b screen(result.lab.size()), plain(result.lab.size());
+  for (int y = 0; y < squared.rows; ++y) {
+    for (int x = 0; x < squared.cols; ++x) {
+      const cv::Vec3f& colour = result.lab(y, x);
+      squared(y, x) = SquaredFromScreen(colour, screen_lab(y, x));
+      log_light(y, x) =
+          3 * std::log(ExplainByLight(colour, screen_lab(y, x)).factor);
+      screen(y, x) = squared(y, x) < kSurelyScreen ? 255 : 0;
+      plain(y, x) =
+          screen(y, x) && std::abs(log_light(y, x)) < kPlainLight ? 255 : 0;
+    }
+  }
+  // Half a pixel of somebody dark is the screen's hue in half its light: what
+  // is darker must be so softly.
+  const cv::Mat1f slope = Slope(log_light);
+  const cv::Mat1b soft = SoftlyLit(screen, plain, slope, at_feet);
+  result.log_density.create(squared.size());
+  for (int y = 0; y < squared.rows; ++y) {
+    const OtherLight light = ExpectedLight(at_feet[y]);
+    for (int x = 0; x < squared.cols; ++x) {
+      float log_density =
+          kLogEvenDensity + kSure * std::max(-1.f, 1 - squared(y, x));
+      if (!soft(y, x)) {
+        log_density += std::min(
+            0.f,
+            LogDensityOfLight(log_light(y, x),
+                              slope(y, x),
+                              3 * result.sigma_l / (result.lab(y, x)[0] + 16),
+                              light,
+                              options.shadow_depth) -
+                light.log_probability);
+      }
+      result.log_density(y, x) = log_density;
     }
   }
   return result;

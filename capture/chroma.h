@@ -3,6 +3,7 @@
 
 #include <opencv2/core.hpp>
 #include <string>
+#include <vector>
 
 #include "capture/background.h"
 #include "capture/silhouette.h"
@@ -28,9 +29,11 @@ cv::Mat3f FillScreen(const cv::Mat3b& picture, const KeyScreen& screen);
 // Key subtraction: what keeps half or less of the screen's chroma in its own
 // light, or has as much of another hue, is not the screen. Needs no plate;
 // shadows on the screen are explained; spill is less than half. `screen_linear`
-// is the screen's colour at every pixel, linear light.
+// is the screen's colour at every pixel, linear light; `at_feet` as for
+// PlateEvidence.
 BackgroundEvidence ChromaEvidence(const cv::Mat3f& picture_linear,
                                   const cv::Mat3f& screen_linear,
+                                  const std::vector<float>& at_feet,
                                   const SegmentOptions& options);
 
 }  // namespace sweepfit

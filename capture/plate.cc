@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "capture/colour.h"
+#include "capture/other_light.h"
 
 namespace sweepfit {
 namespace {
@@ -92,16 +93,6 @@ cv::Mat2f FrameVariance(const std::vector<cv::Mat3b>& frames,
   return sum / static_cast<double>(frames.size() - 1);
 }
 
-// Length of the gradient, per pixel.
-cv::Mat1f Slope(const cv::Mat1f& image) {
-  constexpr double kSobelScale = 0.125;
-  cv::Mat1f dx, dy, slope;
-  cv::Sobel(image, dx, CV_32F, 1, 0, 3, kSobelScale, 0, cv::BORDER_REPLICATE);
-  cv::Sobel(image, dy, CV_32F, 0, 1, 3, kSobelScale, 0, cv::BORDER_REPLICATE);
-  cv::magnitude(dx, dy, slope);
-  return slope;
-}
-
 // Variance of L and of (a + b) / 2: noise, what the plate's own edges do when
 // the camera shakes a little, and what changed from frame to frame.
 cv::Mat2f PixelVariance(const PlateModel& plate,
@@ -129,29 +120,6 @@ cv::Mat2f PixelVariance(const PlateModel& plate,
     }
   }
   return variance;
-}
-
-// How light that falls on the background may differ from the plate's.
-struct OtherLight {
-  float log_probability;  // ln of the prior that it does
-  float reflected;  // scale of the colour that a person adds, per change of L
-  float sharpest;   // change of ln light per pixel: beyond, it is an outline
-};
-
-// Up in the air few pixels are in other light, on the floor more, around the
-// feet more still; and there its edges are sharper and it takes the colour of
-// the feet. `at_feet`: 0 in the air, 1/2 on the floor, 1 around the feet.
-OtherLight ExpectedLight(float at_feet) {
-  constexpr OtherLight kInAir = {-6, 0.03f, 0.07f};
-  constexpr OtherLight kOnFloor = {-4, 0.03f, 0.07f};
-  constexpr OtherLight kAtFeet = {-3, 0.06f, 0.25f};
-  const bool is_floor = at_feet > 0.5f;
-  const OtherLight& a = is_floor ? kOnFloor : kInAir;
-  const OtherLight& b = is_floor ? kAtFeet : kOnFloor;
-  const float t = is_floor ? 2 * at_feet - 1 : 2 * at_feet;
-  return {a.log_probability + t * (b.log_probability - a.log_probability),
-          a.reflected + t * (b.reflected - a.reflected),
-          a.sharpest + t * (b.sharpest - a.sharpest)};
 }
 
 // A pixel where the background may be seen.
@@ -197,7 +165,6 @@ float LogDensity(const Pixel& pixel,
                  const SegmentOptions& options) {
   constexpr float kLog2Pi = 1.8378771f;
   constexpr float kLogStrange = -6.9f;  // 1/1000 is nothing that we know
-  constexpr float kMostForSlope = 5;
   constexpr float kLogSoft = -0.5f;
   const float variance_l = pixel.variance[0], variance_ab = pixel.variance[1];
   const float as_it_is = -0.5f * (SquaredDistance(pixel, options) +
@@ -213,73 +180,13 @@ float LogDensity(const Pixel& pixel,
   if (is_soft) {
     in_other_light += kLogSoft;
   } else {
-    // Light seldom comes; it goes where somebody stands in it.
-    float depth = static_cast<float>(options.shadow_depth);
-    if (pixel.log_light > 0) depth *= 0.5f;
-    // The noise of a slope is about half that of a pixel.
-    const float variance_slope = 0.5f * light.sharpest * light.sharpest +
-                                 0.25f * per_l * per_l * variance_l;
-    const float sharp =
-        0.5f * pixel.light_slope * pixel.light_slope / variance_slope;
-    in_other_light += light.log_probability -
-                      std::abs(pixel.log_light) / depth - std::log(2 * depth) -
-                      std::min(sharp, kMostForSlope);
+    in_other_light += LogDensityOfLight(pixel.log_light,
+                                        pixel.light_slope,
+                                        per_l * std::sqrt(variance_l),
+                                        light,
+                                        options.shadow_depth);
   }
   return std::max({as_it_is, in_other_light, kLogStrange + kLogEvenDensity});
-}
-
-cv::Mat Square(int radius) {
-  return cv::getStructuringElement(cv::MORPH_RECT,
-                                   {2 * radius + 1, 2 * radius + 1});
-}
-
-// The candidates that are joined to plain background without crossing an edge
-// of the light: light changes softly across the plate, whereas a garment that
-// is a darker shade of the wall has an outline. (The plate's own edges cancel
-// in the ratio of picture and plate.) Gaps in edges are closed: in the air up
-// to 6 pixels, at the feet up to 2.
-cv::Mat1b SoftlyLit(const cv::Mat1b& candidate,
-                    const cv::Mat1b& plain,
-                    const cv::Mat1f& slope,
-                    const std::vector<float>& at_feet) {
-  constexpr double kSmallestShare = 0.002;  // of the picture, plain pixels
-  constexpr int kClosing = 3, kClosingAtFeet = 1;
-  cv::Mat1b edge(slope.size()), wide, narrow;
-  for (int y = 0; y < slope.rows; ++y) {
-    const float sharpest = ExpectedLight(at_feet[y]).sharpest;
-    for (int x = 0; x < slope.cols; ++x) {
-      edge(y, x) = slope(y, x) > sharpest ? 255 : 0;
-    }
-  }
-  cv::dilate(edge, wide, Square(kClosing));
-  cv::dilate(edge, narrow, Square(kClosingAtFeet));
-  cv::Mat1b passable(slope.size());
-  for (int y = 0; y < slope.rows; ++y) {
-    const cv::Mat1b& closed = at_feet[y] > 0.75f ? narrow : wide;
-    for (int x = 0; x < slope.cols; ++x) {
-      passable(y, x) =
-          plain(y, x) || (candidate(y, x) && !closed(y, x)) ? 255 : 0;
-    }
-  }
-  cv::Mat1i label;
-  const int count = cv::connectedComponents(passable, label, 4, CV_32S);
-  std::vector<int> plain_area(count, 0);
-  for (int y = 0; y < label.rows; ++y) {
-    for (int x = 0; x < label.cols; ++x) {
-      if (plain(y, x)) ++plain_area[label(y, x)];
-    }
-  }
-  const double smallest = kSmallestShare * static_cast<double>(label.total());
-  cv::Mat1b reached(label.size());
-  for (int y = 0; y < label.rows; ++y) {
-    for (int x = 0; x < label.cols; ++x) {
-      const int i = label(y, x);
-      reached(y, x) = i > 0 && plain_area[i] > smallest ? 255 : 0;
-    }
-  }
-  // Back, but not into the outline itself.
-  cv::dilate(reached, reached, Square(1));
-  return reached & candidate;
 }
 
 // ln of the density of every pixel's colour if it shows the background.

@@ -195,7 +195,7 @@ class Segmenter {
                               const cv::Mat1b& is_background,
                               const std::vector<float>& at_feet) const {
     if (mode == "chroma") {
-      return ChromaEvidence(picture_linear, screen_linear, options_);
+      return ChromaEvidence(picture_linear, screen_linear, at_feet, options_);
     }
     BackgroundEvidence evidence = PlateEvidence(picture_linear,
                                                 plate,
@@ -208,7 +208,8 @@ class Segmenter {
       evidence.log_density =
           0.5 *
           (evidence.log_density +
-           ChromaEvidence(picture_linear, screen_linear, options_).log_density);
+           ChromaEvidence(picture_linear, screen_linear, at_feet, options_)
+               .log_density);
     }
     return evidence;
   }
