@@ -144,14 +144,14 @@ void Check::CheckPlates() {
   };
   std::vector<const CaptureCamera*> cameras;
   for (const CaptureCamera& camera : capture_.cameras) {
-    if (camera.background) cameras.push_back(&camera);
+    if (!camera.background.empty()) cameras.push_back(&camera);
   }
   std::vector<Entry> entries(cameras.size());
   for (size_t i = 0; i < cameras.size(); ++i) {
     const Camera& camera = cameras[i]->camera;
     entries[i].id = camera.id;
-    entries[i].plate =
-        Thumbnail(LoadPicture(capture_, *cameras[i]->background, camera));
+    entries[i].plate = Thumbnail(
+        LoadPicture(capture_, cameras[i]->background.front(), camera));
     for (const CapturePose& pose : capture_.poses) {
       const auto image = pose.images.find(camera.id);
       if (image == pose.images.end()) continue;

@@ -314,7 +314,7 @@ void Import::AddPictures(const Pictures& pictures) {
     if (!options_.chroma_key.empty()) entry.chroma_key = options_.chroma_key;
     const auto plate = pictures.background.find(camera.camera.id);
     if (plate != pictures.background.end()) {
-      entry.background = Copy(plate->second, fs::path("background") / id);
+      entry.background = {Copy(plate->second, fs::path("background") / id)};
     }
   }
   for (const std::string& id : options_.holdout) {
@@ -483,8 +483,8 @@ void Import::CheckPictures() {
   };
   for (const CaptureCamera& entry : sources.cameras) {
     const Camera& camera = entry.camera;
-    if (entry.background) {
-      LoadPicture(sources, source(*entry.background), camera);
+    for (const std::string& plate : entry.background) {
+      LoadPicture(sources, source(plate), camera);
     }
     for (const CapturePose& pose : sources.poses) {
       const auto image = pose.images.find(camera.id);

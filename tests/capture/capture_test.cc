@@ -107,7 +107,7 @@ TEST_F(CaptureTest, ReadsEveryField) {
   EXPECT_EQ(camera.distortion[4], 0.01);
   EXPECT_EQ(camera.world_in_camera, Eigen::Vector3d(0.1, 0.2, 3));
   EXPECT_EQ(capture.cameras[1].camera.camera_from_world(0, 2), 1);
-  EXPECT_THAT(capture.cameras[0].background, ElementsAre("plate.png"));
+  EXPECT_THAT(capture.cameras[0].background, ::testing::ElementsAre("plate.png"));
   EXPECT_EQ(capture.cameras[0].chroma_key, "green");
   EXPECT_TRUE(capture.cameras[1].background.empty());
   EXPECT_TRUE(capture.IsHoldout("side"));
