@@ -30,7 +30,7 @@ ViewQuality JudgeView(const ViewEvidence& evidence) {
   };
   // A plate of another camera differs everywhere, by 4 and more in a furnished
   // room; sound ones stay near 1, with strong sensor noise near 3.
-  judge(Falling(evidence.noise_ratio, 2, 4),
+  judge(Falling(evidence.noise_ratio, 3.3, 4.3),
         Format("the background differs from its plate nearly everywhere (%.1f "
                "times the expected noise): is it the plate of this camera and "
                "this session?",

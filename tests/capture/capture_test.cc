@@ -210,7 +210,7 @@ TEST_F(CaptureTest, RejectsEveryMalformedFile) {
       {"holdout: [side]", "holdout: [top]", "unknown camera top"},
       {"holdout: [side]", "holdout: [side, side]", "twice"},
       {"holdout: [side]", "holdout: side", "must be a list"},
-      {"chroma_key: green", "chroma_key: red", "green or blue"},
+      {"chroma_key: green", "chroma_key: red", "green, blue or auto"},
       {"background: plate.png", "background: none.png", "no file"},
       {"front: a.png", "front: none.png", "no file"},
       {"front: a.png", "front: folder", "not a file"},

@@ -213,6 +213,7 @@ TEST_F(SegmentTest, PlateWithNoiseShadowAndExposure) {
     EXPECT_EQ(views[i].mode, "plate");
     ExpectGood(views[i]);
   }
+  EXPECT_THAT(summary_.warnings, ::testing::IsEmpty());
   EXPECT_EQ(summary_.status, "ok");
 }
 
@@ -236,7 +237,7 @@ TEST_F(SegmentTest, LeavesOutTheCameraWithAnotherPlate) {
   EXPECT_EQ(views[1].camera.id, "fine");
   ASSERT_EQ(summary_.warnings.size(), 1u);
   EXPECT_THAT(summary_.warnings[0], HasSubstr("camera swapped"));
-  EXPECT_THAT(summary_.warnings[0], HasSubstr("belongs to this camera"));
+  EXPECT_THAT(summary_.warnings[0], HasSubstr("is it the plate of this camera"));
   EXPECT_EQ(summary_.status, "weak");
 }
 

@@ -62,7 +62,7 @@ TEST(Config, WrittenConfigReadsBackExactly) {
   FitConfig config;
   config.options.volume.voxel_size = 1.0 / 3.0;
   config.options.joints.template_sigma = 1e-17;
-  config.options.segment.threshold_low = 123456789.125;
+  config.options.segment.grow_ratio = 123456789.125;
   config.options.until = "local";
   config.options.refine.enabled = false;
   config.poses = {"A", "odd: name", "123"};
