@@ -54,8 +54,8 @@ struct View {
 // silhouette cannot be that of a person (nobody seen, the plate of another
 // camera): a warning names each of them, and those that are doubtful. The
 // summary says for every camera what was used, why, and how good it is.
-// InputError when a picture or a given
-// mask cannot be used, FitError when fewer than two silhouettes are left.
+// InputError when a picture or a given mask cannot be used, FitError when fewer
+// than two silhouettes are left.
 std::vector<View> Segment(const Capture& capture,
                           const CapturePose& pose,
                           const std::vector<std::string>& camera_ids,
