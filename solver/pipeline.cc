@@ -191,7 +191,7 @@ Observation Observe(const Capture& capture,
       pose_name,
       [&](StageSummary* summary) {
         seen.volume =
-            BuildVisualHull(seen.views, options.volume, progress, summary);
+            BuildVolume(seen.views, options.volume, progress, summary);
       },
       progress,
       &seen.stages);

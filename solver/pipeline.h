@@ -62,7 +62,7 @@ struct FitOptions {
   TemplateSource body_template;
   SegmentOptions segment;
   IncoherenceOptions coherence;
-  HullOptions volume;
+  VolumeOptions volume;
   LandmarkOptions landmarks;
   JointOptions joints;
   GlobalOptions global;

@@ -334,7 +334,6 @@ void WarnOfPoorViews(const std::vector<View>& views,
 }  // namespace
 
 std::optional<std::string> HullOptions::Check() const {
-  if (mode != "hull") return "volume.mode: must be hull, not '" + mode + "'";
   if (!(voxel_size >= 0.001 && voxel_size <= 0.05)) {
     return "volume.voxel_size: must lie between 0.001 and 0.05 m";
   }
@@ -354,9 +353,7 @@ Volume BuildVisualHull(const std::vector<View>& views,
         "the silhouettes have no common part: check the calibration, the "
         "masks and their order");
   }
-  auto vdb = MakeVdbGrid(blocks);
-  Volume volume(
-      std::make_unique<Volume::Impl>(std::move(blocks), std::move(vdb)));
+  Volume volume = MakeVolume(std::move(blocks));
 
   const std::vector<double> coverage = SilhouetteCoverage(views, volume);
   CheckCoverage(coverage);
@@ -364,7 +361,6 @@ Volume BuildVisualHull(const std::vector<View>& views,
   if (summary != nullptr) {
     summary->status = "ok";
     auto& figures = summary->figures;
-    figures["mode"] = options.mode;
     figures["voxel_size"] = options.voxel_size;
     figures["num_views"] = views.size();
     figures["volume"] = volume.EnclosedVolume();

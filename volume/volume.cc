@@ -38,6 +38,12 @@ void Volume::SaveVdb(const std::string& path) const {
   SaveVdbGrid(*impl_->vdb, path);
 }
 
+Volume MakeVolume(BlockGrid blocks) {
+  auto vdb = MakeVdbGrid(blocks);
+  return Volume(
+      std::make_unique<Volume::Impl>(std::move(blocks), std::move(vdb)));
+}
+
 Volume VolumeFromMesh(const TriangleMesh& mesh, double voxel_size) {
   if (mesh.triangles.empty() || !(voxel_size > 0)) {
     throw InputError("a volume needs a mesh with triangles and a voxel size");

@@ -25,6 +25,9 @@ struct Volume::Impl {
   }
 };
 
+// The volume of a grid of blocks.
+Volume MakeVolume(BlockGrid blocks);
+
 // Throughout the room: half the width of the band that is known, in voxels.
 inline constexpr double kBandVoxels = 3;
 

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "capture/render.h"
+#include "capture/silhouette.h"
+
+namespace sweepfit {
+
+struct PatchOptions {
+  int side = 9;               // taps along a patch, odd
+  double spacing = 0.002;     // between taps, metres
+  double min_facing = 0.35;   // cosine to the normal
+  int max_views = 6;          // the most frontal ones
+  double effective_taps = 8;  // as many are independent of each other
+};
+
+// How well the pictures agree that a surface patch lies at a place.
+class PatchMatcher {
+ public:
+  PatchMatcher(const std::vector<View>& views, const PatchOptions& options);
+
+  // Views that see a point of the scene's surface, most frontal first.
+  std::vector<int> VisibleViews(const RayScene& scene,
+                                const Eigen::Vector3d& point_in_world,
+                                const Eigen::Vector3d& unit_normal,
+                                double tolerance) const;
+
+  // Log likelihood ratio, "the views show the same patch here" against "they
+  // show unrelated patches", for the patches at point - depth * normal. From
+  // the correlations r of all pairs of views, shrunk by the noise,
+  //   (m - 1) / pairs * sum_pairs  -taps / 2 * ln(1 - max(r, 0)^2).
+  // texture: standard deviation of lightness over the patch, mean of the views,
+  // at the first depth. Zeros when fewer than two views see it.
+  std::vector<float> Evidence(const std::vector<int>& views,
+                              const Eigen::Vector3d& point_in_world,
+                              const Eigen::Vector3d& unit_normal,
+                              const std::vector<double>& depths) const;
+
+ private:
+  struct Picture {
+    Camera camera;        // without distortion
+    cv::Mat1f lightness;  // CIELAB L, lightly smoothed
+    double noise = 0;     // its standard deviation
+    cv::Mat1f signed_distance;
+    Eigen::Vector3d center_in_world;
+  };
+
+  bool SamplePatch(const Picture& picture,
+                   const Eigen::Vector3d& center_in_world,
+                   const Eigen::Vector3d& step_a,
+                   const Eigen::Vector3d& step_b,
+                   std::vector<float>* patch) const;
+
+  PatchOptions options_;
+  std::vector<Picture> pictures_;
+  std::vector<float> tap_weight_;
+};
+
+}  // namespace sweepfit
