@@ -111,6 +111,11 @@ class OccupancyBox {
   std::vector<std::uint8_t> occupied_;
 };
 
+struct SeenColor {
+  Vector3d color;   // 8 bit, smoothed to the size of a voxel
+  double variance;  // of a channel within the voxel's image
+};
+
 // One picture, smoothed to the size of a voxel, and how many voxels support
 // each of its elements: squares about as large as a voxel's image.
 class GreedyView {
@@ -120,7 +125,15 @@ class GreedyView {
     const double pixels =
         voxel * camera_.FocalLength() / (middle - center_in_world_).norm();
     element_ = std::max(1.0, pixels);
-    cv::GaussianBlur(view.image, image_, {}, std::max(0.5, 0.4 * pixels));
+    const double sigma = std::max(0.5, 0.4 * pixels);
+    cv::Mat3f image;
+    view.image.convertTo(image, CV_32F);
+    cv::GaussianBlur(image, image_, {}, sigma);
+    // Texture finer than a voxel is no disagreement.
+    const cv::Mat3f deviation = image - image_;
+    cv::Mat3f squares = deviation.mul(deviation);
+    cv::GaussianBlur(squares, squares, {}, 2 * sigma);
+    cv::transform(squares, variance_, cv::Matx13f(1 / 3.f, 1 / 3.f, 1 / 3.f));
     columns_ = static_cast<int>(camera_.width / element_) + 1;
     rows_ = static_cast<int>(camera_.height / element_) + 1;
     support_.assign(static_cast<size_t>(columns_) * rows_, 0);
@@ -139,11 +152,13 @@ class GreedyView {
     return static_cast<int>(pixel.y() / element_) * columns_ +
            static_cast<int>(pixel.x() / element_);
   }
-  Vector3d ColorAt(const Vector3d& point) const {
+  // The point must lie in an element.
+  SeenColor ColorAt(const Vector3d& point) const {
     const Vector2d pixel = camera_.Project(point);
-    const cv::Vec3b& c = image_(static_cast<int>(std::lround(pixel.y())),
-                                static_cast<int>(std::lround(pixel.x())));
-    return {double(c[0]), double(c[1]), double(c[2])};
+    const auto u = static_cast<int>(std::lround(pixel.x()));
+    const auto v = static_cast<int>(std::lround(pixel.y()));
+    const cv::Vec3f& c = image_(v, u);
+    return {{c[0], c[1], c[2]}, variance_(v, u)};
   }
   std::vector<int>& support() { return support_; }
   const std::vector<int>& support() const { return support_; }
@@ -152,7 +167,8 @@ class GreedyView {
  private:
   Camera camera_;
   Vector3d center_in_world_;
-  cv::Mat3b image_;
+  cv::Mat3f image_;
+  cv::Mat1f variance_;
   double element_;
   int columns_, rows_;
   std::vector<int> support_;
@@ -203,7 +219,7 @@ class GreedyCarver {
 
 double GreedyCarver::LogRatio(std::int64_t id) const {
   const Vector3d point = box_.PointOf(id);
-  std::vector<Vector3d> colors;
+  std::vector<SeenColor> colors;
   for (const GreedyView& view : views_) {
     if (view.ElementOf(point) < 0) continue;
     if (!box_.IsVisibleFrom(id, view.center_in_world())) continue;
@@ -214,19 +230,20 @@ double GreedyCarver::LogRatio(std::int64_t id) const {
   Vector3d middle;
   std::vector<double> channel(colors.size());
   for (int c = 0; c < 3; ++c) {
-    for (size_t i = 0; i < colors.size(); ++i) channel[i] = colors[i][c];
+    for (size_t i = 0; i < colors.size(); ++i) channel[i] = colors[i].color[c];
     const auto m =
         channel.begin() + static_cast<std::ptrdiff_t>(channel.size() / 2);
     std::nth_element(channel.begin(), m, channel.end());
     middle[c] = *m;
   }
-  const double variance = options_.sigma_color * options_.sigma_color;
-  // ln N(0; variance) - ln of the density of any 8-bit colour.
-  const double at_best =
-      3 * std::log(256.0) - 1.5 * std::log(2 * std::numbers::pi * variance);
+  // Against a density of 1 / 256 per channel.
   double ratio = 0;
-  for (const Vector3d& color : colors) {
-    ratio += at_best - 0.5 * (color - middle).squaredNorm() / variance;
+  for (const SeenColor& seen : colors) {
+    const double variance =
+        options_.sigma_color * options_.sigma_color + seen.variance;
+    ratio += 3 * std::log(256.0) -
+             1.5 * std::log(2 * std::numbers::pi * variance) -
+             0.5 * (seen.color - middle).squaredNorm() / variance;
   }
   return ratio;
 }

@@ -152,9 +152,15 @@ bool PatchMatcher::SamplePatch(const Picture& picture,
         pixel.y() + reach.y() < image.rows - 1)) {
     return false;
   }
-  constexpr double kMargin = -1.5;  // pixels inside the silhouette
-  if (SampleBilinear(picture.signed_distance, pixel).value > kMargin) {
-    return false;
+  // The edge of a silhouette is not texture: it lies elsewhere for every view.
+  constexpr double kMargin = -0.5;  // pixels
+  for (const Vector2d& to_side : {pa, pb}) {
+    for (const int sign : {-half, half}) {
+      const Vector2d side = pixel + sign * to_side;
+      if (SampleBilinear(picture.signed_distance, side).value > kMargin) {
+        return false;
+      }
+    }
   }
   patch->resize(tap_weight_.size());
   float mean = 0;

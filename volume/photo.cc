@@ -42,9 +42,12 @@ constexpr int kBeliefIterations = 30;
 // Greater differences of depth cost no more than this, pixels.
 constexpr double kTruncation = 5;
 // Evidence of a sample, and how much it must exceed that of most depths.
+// A round surface may leave the plane of a patch at its edge by so many pixels.
+constexpr double kMostSag = 1;
+// Taps are less dependent near the maximum than far from it.
+constexpr double kPrecision = 2;
 constexpr float kLeastEvidence = 1;
 constexpr float kLeastContrast = 0.7f;
-constexpr float kFullContrast = 4;
 
 // Depths below the current surface at equal steps.
 struct Depths {
@@ -227,9 +230,14 @@ std::vector<OffsetTarget> PhotoRefiner::MatchDepths(
           // Not above the hull, and not too deep.
           const double least = hull_.Sample(point) - 1e-9;
           const double most = kDepthShare * thickness_[v];
+          // A patch that the surface bends away from says nothing.
+          const double half = 0.5 * (options_.patch_side - 1) * pixel_;
+          const bool flat = half * half < kMostSag * pixel_ * thickness_[v];
           std::vector<double> possible;
           for (const double depth : depths) {
-            if (depth >= least && depth <= most) possible.push_back(depth);
+            if (flat && depth >= least && depth <= most) {
+              possible.push_back(depth);
+            }
           }
           const std::vector<float> found =
               matcher_.Evidence(views, point, normals[v], possible);
@@ -259,7 +267,9 @@ std::vector<OffsetTarget> PhotoRefiner::MatchDepths(
   int num_seen = 0;
   std::vector<float> sorted;
   const double sigma = options_.sigma_match * pixel_;
-  const double full_weight = 1 / (sigma * sigma);
+  const double most_precise = 1 / (sigma * sigma);
+  const auto reach =
+      static_cast<size_t>(std::lround(kCoarseStep * pixel_ / range.step));
   for (int i = 0; i < num_samples; ++i) {
     num_seen += seen[i];
     const float* b = &belief[i * num_labels];
@@ -274,10 +284,16 @@ std::vector<OffsetTarget> PhotoRefiner::MatchDepths(
     if (contrast < kLeastContrast) continue;
     double depth = depths[k];
     if (k > 0) depth += range.step * SubStep(e[k - 1], e[k], e[k + 1]);
-    targets.push_back({samples.vertex[i],
-                       1,
-                       -depth,
-                       full_weight * std::min(1.f, contrast / kFullContrast)});
+    // The likelihood as a normal distribution about its maximum: its precision
+    // is the bend of its logarithm. Shading bends it less than texture does.
+    const size_t before = k >= reach ? k - reach : k + reach;
+    const size_t after = k + reach < num_labels ? k + reach : k - reach;
+    const double width = range.step * static_cast<double>(reach);
+    const double precision =
+        kPrecision * (2 * e[k] - e[before] - e[after]) / (width * width);
+    if (!(precision > 0)) continue;
+    targets.push_back(
+        {samples.vertex[i], 1, -depth, std::min(precision, most_precise)});
   }
   num_samples_ = num_samples;
   supported_share_ =
