@@ -62,10 +62,10 @@ double FrequentHue(const std::vector<cv::Vec3f>& colours) {
 }
 
 // Squared distance to the screen at this place: the shares of its chroma (in
-// the light that falls on the pixel) that are lost and that are strange. 1 is
-// where half of it is.
+// the light that falls on the pixel) that are lost and that are strange, 1 where
+// either is kMost.
 float SquaredFromScreen(const cv::Vec3f& colour, const cv::Vec3f& screen) {
-  constexpr float kHalf = 0.5f;
+  constexpr float kMost = 0.3f;
   constexpr float kChromaNoise = 4;
   const float chroma = std::max(Chroma(screen), 1.f);
   const float cos_hue = screen[1] / chroma, sin_hue = screen[2] / chroma;
@@ -74,8 +74,8 @@ float SquaredFromScreen(const cv::Vec3f& colour, const cv::Vec3f& screen) {
       chroma * (colour[0] + 16) / (screen[0] + 16) + kChromaNoise;
   const float along = colour[1] * cos_hue + colour[2] * sin_hue + kChromaNoise;
   const float across = colour[2] * cos_hue - colour[1] * sin_hue;
-  const float lost = std::max(0.f, 1 - along / expected) / kHalf;
-  const float strange = across / (kHalf * expected);
+  const float lost = std::max(0.f, 1 - along / expected) / kMost;
+  const float strange = across / (kMost * expected);
   return lost * lost + strange * strange;
 }
 
@@ -114,7 +114,7 @@ KeyScreen FindKeyScreen(const cv::Mat3b& picture, const std::string& key) {
 }
 
 cv::Mat3f FillScreen(const cv::Mat3b& picture, const KeyScreen& screen) {
-  constexpr float kSurelyScreen = 0.36f;
+  constexpr float kSurelyScreen = 0.8f;
   constexpr int kKeepOff = 2;  // px from anything that is not screen
   const cv::Mat3f linear = ToLinear(picture);
   const cv::Mat3f lab = ToSmoothLab(linear);
@@ -167,7 +167,7 @@ BackgroundEvidence ChromaEvidence(const cv::Mat3f& picture_linear,
   // any other colour.
   constexpr float kSure = 12;
   constexpr float kPlainLight = 0.1f;  // of ln
-  constexpr float kSurelyScreen = 0.36f;
+  constexpr float kSurelyScreen = 0.8f;
   BackgroundEvidence result;
   result.background_linear = screen_linear;
   result.lab = ToSmoothLab(picture_linear);

@@ -26,9 +26,9 @@ KeyScreen FindKeyScreen(const cv::Mat3b& picture, const std::string& key);
 // it around. Works on the whole (small) picture; linear light.
 cv::Mat3f FillScreen(const cv::Mat3b& picture, const KeyScreen& screen);
 
-// Key subtraction: what keeps half or less of the screen's chroma in its own
+// Key subtraction: what lost three tenths of the screen's chroma in its own
 // light, or has as much of another hue, is not the screen. Needs no plate;
-// shadows on the screen are explained; spill is less than half. `screen_linear`
+// shadows on the screen are explained; spill keeps less of it. `screen_linear`
 // is the screen's colour at every pixel, linear light; `at_feet` as for
 // PlateEvidence.
 BackgroundEvidence ChromaEvidence(const cv::Mat3f& picture_linear,
