@@ -78,6 +78,19 @@ cv::Mat1f Straighten(const View& view, const cv::Mat1f& lightness) {
 
 }  // namespace
 
+double PixelSize(const std::vector<View>& views,
+                 const Vector3d& place_in_world) {
+  std::vector<double> sizes;
+  for (const View& view : views) {
+    sizes.push_back((view.camera.CenterInWorld() - place_in_world).norm() /
+                    view.camera.FocalLength());
+  }
+  const auto middle =
+      sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+  std::nth_element(sizes.begin(), middle, sizes.end());
+  return *middle;
+}
+
 PatchMatcher::PatchMatcher(const std::vector<View>& views,
                            const PatchOptions& options)
     : options_(options), pictures_(views.size()) {

@@ -18,10 +18,16 @@ struct PatchOptions {
   double effective_taps = 8;  // as many are independent of each other
 };
 
+// What a pixel is wide at a place, metres: median of the views.
+double PixelSize(const std::vector<View>& views,
+                 const Eigen::Vector3d& place_in_world);
+
 // How well the pictures agree that a surface patch lies at a place.
 class PatchMatcher {
  public:
   PatchMatcher(const std::vector<View>& views, const PatchOptions& options);
+
+  const PatchOptions& options() const { return options_; }
 
   // Views that see a point of the scene's surface, most frontal first.
   std::vector<int> VisibleViews(const RayScene& scene,

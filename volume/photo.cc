@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "volume/photo.h"
 
-#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -13,10 +12,10 @@
 #include <utility>
 
 #include "volume/cut_plane.h"
+#include "volume/depth_match.h"
 #include "volume/intersect.h"
 #include "volume/patch_match.h"
 #include "volume/rim_contacts.h"
-#include "volume/surface_labels.h"
 #include "volume/surface_offsets.h"
 #include "volume/vertex_rings.h"
 
@@ -27,37 +26,17 @@ using Eigen::Vector3d;
 
 // Creases of a hull are no features: normals are averaged this often.
 constexpr int kNormalPasses = 3;
-// Depths beyond this share of the local thickness are not considered.
-constexpr double kDepthShare = 0.35;
 // Curvature in terms of the inverse of half the thickness: a fingertip may bend
 // more than a back.
 constexpr double kCurvatureShare = 1;
 // What is in front of a point by less than this is the hull's own error.
 constexpr double kVisibleVoxels = 2;
-// A depth that no data supports costs this much more than any evidence.
-constexpr float kForbidden = 50;
 // Mean of the hull's depth below which the body lies, metres: exponential.
 constexpr double kMeanDepth = 0.01;
-constexpr int kBeliefIterations = 30;
-// Greater differences of depth cost no more than this, pixels.
-constexpr double kTruncation = 5;
-// Evidence of a sample, and how much it must exceed that of most depths.
-// A round surface may leave the plane of a patch at its edge by so many pixels.
-constexpr double kMostSag = 1;
-// Taps are less dependent near the maximum than far from it.
-constexpr double kPrecision = 2;
-constexpr float kLeastEvidence = 1;
-constexpr float kLeastContrast = 0.7f;
 
 // Depths below the current surface at equal steps.
 struct Depths {
   double from, to, step;
-  std::vector<double> List() const {
-    std::vector<double> list;
-    const int count = static_cast<int>(std::lround((to - from) / step)) + 1;
-    for (int i = 0; i < count; ++i) list.push_back(from + i * step);
-    return list;
-  }
 };
 // The first search runs over all depths; the second is finer and about the
 // surface that the first one found. In pixels at the person's distance.
@@ -67,19 +46,6 @@ constexpr int kMaxCoarseSteps = 40;
 // Spacing of samples: at least this many pixels, and coarser at first.
 constexpr double kLeastSpacing = 2.5;
 constexpr double kCoarseSpacing = 1.5;
-
-// What a pixel is wide at the person's distance, metres: median of the views.
-double PixelSize(const std::vector<View>& views, const Volume& hull) {
-  const Vector3d middle = 0.5 * (hull.BoxMin() + hull.BoxMax());
-  std::vector<double> sizes;
-  for (const View& view : views) {
-    sizes.push_back((view.camera.CenterInWorld() - middle).norm() /
-                    view.camera.FocalLength());
-  }
-  std::nth_element(
-      sizes.begin(), sizes.begin() + sizes.size() / 2, sizes.end());
-  return sizes[sizes.size() / 2];
-}
 
 // Vertices that stand for the surface around them.
 struct Samples {
@@ -147,7 +113,7 @@ class PhotoRefiner {
       : views_(views),
         hull_(hull),
         options_(options),
-        pixel_(PixelSize(views, hull)),
+        pixel_(PixelSize(views, 0.5 * (hull.BoxMin() + hull.BoxMax()))),
         mesh_(hull.ExtractMesh()),
         rings_(mesh_),
         matcher_(views, MakePatchOptions(options, pixel_)) {
@@ -176,7 +142,7 @@ class PhotoRefiner {
     return patch;
   }
   // Where the pictures agree, as targets for the offsets of the vertices.
-  std::vector<OffsetTarget> MatchDepths(const std::vector<Vector3d>& normals,
+  std::vector<OffsetTarget> FindMatches(const std::vector<Vector3d>& normals,
                                         const Depths& range,
                                         bool from_hull);
   std::vector<OffsetTarget> Contacts(
@@ -197,107 +163,36 @@ class PhotoRefiner {
   int num_samples_ = 0;
 };
 
-// Least of a parabola through three equidistant values, in steps from the
-// middle one.
-double SubStep(double before, double middle, double after) {
-  const double bend = before - 2 * middle + after;
-  if (!(bend < -1e-6)) return 0;
-  return std::clamp(0.5 * (before - after) / bend, -0.5, 0.5);
-}
-
-std::vector<OffsetTarget> PhotoRefiner::MatchDepths(
+std::vector<OffsetTarget> PhotoRefiner::FindMatches(
     const std::vector<Vector3d>& normals, const Depths& range, bool from_hull) {
   const RayScene scene(mesh_);
   const double spacing =
       (from_hull ? kCoarseSpacing : 1) *
       std::max(options_.sample_spacing, kLeastSpacing * pixel_);
   const Samples samples = MakeSamples(mesh_.vertices, rings_, spacing);
-  const std::vector<double> depths = range.List();
-  const size_t num_labels = depths.size();
-  const int num_samples = static_cast<int>(samples.vertex.size());
-  std::vector<float> evidence(num_samples * num_labels, 0.f);
-  std::vector<float> cost(evidence.size());
-  std::vector<char> seen(num_samples, 0);
-  tbb::parallel_for(
-      tbb::blocked_range<int>(0, num_samples, 64),
-      [&](const tbb::blocked_range<int>& part) {
-        for (int i = part.begin(); i < part.end(); ++i) {
-          const int v = samples.vertex[i];
-          const Vector3d& point = mesh_.vertices[v];
-          const std::vector<int> views = matcher_.VisibleViews(
-              scene, point, normals[v], kVisibleVoxels * hull_.voxel_size());
-          seen[i] = views.size() >= 2;
-          // Not above the hull, and not too deep.
-          const double least = hull_.Sample(point) - 1e-9;
-          const double most = kDepthShare * thickness_[v];
-          // A patch that the surface bends away from says nothing.
-          const double half = 0.5 * (options_.patch_side - 1) * pixel_;
-          const bool flat = half * half < kMostSag * pixel_ * thickness_[v];
-          std::vector<double> possible;
-          for (const double depth : depths) {
-            if (flat && depth >= least && depth <= most) {
-              possible.push_back(depth);
-            }
-          }
-          const std::vector<float> found =
-              matcher_.Evidence(views, point, normals[v], possible);
-          size_t next = 0;
-          for (size_t k = 0; k < num_labels; ++k) {
-            float& e = evidence[i * num_labels + k];
-            float& c = cost[i * num_labels + k];
-            if (next < possible.size() && possible[next] == depths[k]) {
-              e = found[next++];
-              c = -e;
-            } else {
-              c = kForbidden;
-            }
-            if (from_hull) c += static_cast<float>(depths[k] / kMeanDepth);
-          }
-        }
-      });
-  const std::vector<float> belief = PropagateBeliefs(
-      static_cast<int>(num_labels),
-      cost,
-      samples.edges,
-      static_cast<float>(options_.smoothness * range.step / pixel_),
-      static_cast<float>(kTruncation * pixel_ / range.step),
-      kBeliefIterations);
-
-  std::vector<OffsetTarget> targets;
-  int num_seen = 0;
-  std::vector<float> sorted;
-  const double sigma = options_.sigma_match * pixel_;
-  const double most_precise = 1 / (sigma * sigma);
-  const auto reach =
-      static_cast<size_t>(std::lround(kCoarseStep * pixel_ / range.step));
-  for (int i = 0; i < num_samples; ++i) {
-    num_seen += seen[i];
-    const float* b = &belief[i * num_labels];
-    const float* e = &evidence[i * num_labels];
-    const auto k = static_cast<size_t>(std::min_element(b, b + num_labels) - b);
-    if (k + 1 == num_labels || e[k] < kLeastEvidence) continue;
-    sorted.assign(e, e + num_labels);
-    const auto middle =
-        sorted.begin() + static_cast<std::ptrdiff_t>(num_labels / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
-    const float contrast = e[k] - *middle;
-    if (contrast < kLeastContrast) continue;
-    double depth = depths[k];
-    if (k > 0) depth += range.step * SubStep(e[k - 1], e[k], e[k + 1]);
-    // The likelihood as a normal distribution about its maximum: its precision
-    // is the bend of its logarithm. Shading bends it less than texture does.
-    const size_t before = k >= reach ? k - reach : k + reach;
-    const size_t after = k + reach < num_labels ? k + reach : k - reach;
-    const double width = range.step * static_cast<double>(reach);
-    const double precision =
-        kPrecision * (2 * e[k] - e[before] - e[after]) / (width * width);
-    if (!(precision > 0)) continue;
-    targets.push_back(
-        {samples.vertex[i], 1, -depth, std::min(precision, most_precise)});
+  std::vector<DepthQuery> queries;
+  for (const int v : samples.vertex) {
+    // Not above the hull.
+    const double least = hull_.Sample(mesh_.vertices[v]) - 1e-9;
+    queries.push_back({mesh_.vertices[v], normals[v], thickness_[v], least});
   }
-  num_samples_ = num_samples;
-  supported_share_ =
-      num_seen > 0 ? static_cast<double>(targets.size()) / num_seen : 0;
+  DepthSearch search;
+  search.from = range.from;
+  search.to = range.to;
+  search.step = range.step;
+  search.visible_tolerance = kVisibleVoxels * hull_.voxel_size();
+  search.mean_depth = from_hull ? kMeanDepth : 0;
+  search.smoothness = options_.smoothness;
+  search.sigma_match = options_.sigma_match;
+  const DepthMatches found =
+      MatchDepths(matcher_, scene, queries, samples.edges, search);
+  num_samples_ = static_cast<int>(queries.size());
+  supported_share_ = found.supported_share;
+  std::vector<OffsetTarget> targets;
+  for (const DepthMatch& match : found.matches) {
+    targets.push_back(
+        {samples.vertex[match.query], 1, -match.depth, match.weight});
+  }
   return targets;
 }
 
@@ -340,7 +235,7 @@ bool PhotoRefiner::Run() {
             : Depths{
                   kFine.from * pixel_, kFine.to * pixel_, kFine.step * pixel_};
     const std::vector<OffsetTarget> matches =
-        MatchDepths(normals, range, round == 0);
+        FindMatches(normals, range, round == 0);
     if (round == 0 && supported_share_ < options_.min_support) return false;
     std::vector<OffsetTarget> targets = Contacts(normals);
     targets.insert(targets.end(), matches.begin(), matches.end());

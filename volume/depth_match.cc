@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "volume/depth_match.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "volume/surface_labels.h"
+
+namespace sweepfit {
+namespace {
+
+using Eigen::Vector3d;
+
+// Depths beyond this share of the local thickness are not considered.
+constexpr double kDepthShare = 0.35;
+// A depth that no data supports costs this much more than any evidence.
+constexpr float kForbidden = 50;
+constexpr int kBeliefIterations = 30;
+// Greater differences of depth cost no more than this, pixels.
+constexpr double kTruncation = 5;
+// A round surface may leave the plane of a patch at its edge by so many pixels.
+constexpr double kMostSag = 1;
+// The bend of the likelihood is measured over this distance, pixels.
+constexpr double kBendReach = 0.85;
+// Taps are less dependent near the maximum than far from it.
+constexpr double kPrecision = 2;
+// Evidence of a sample, and how much it must exceed that of most depths.
+constexpr float kLeastEvidence = 1;
+constexpr float kLeastContrast = 0.7f;
+
+// Least of a parabola through three equidistant values, in steps from the
+// middle one.
+double SubStep(double before, double middle, double after) {
+  const double bend = before - 2 * middle + after;
+  if (!(bend < -1e-6)) return 0;
+  return std::clamp(0.5 * (before - after) / bend, -0.5, 0.5);
+}
+
+std::vector<double> ListDepths(const DepthSearch& search) {
+  std::vector<double> depths;
+  const int count =
+      static_cast<int>(std::lround((search.to - search.from) / search.step)) +
+      1;
+  for (int i = 0; i < count; ++i) {
+    depths.push_back(search.from + i * search.step);
+  }
+  return depths;
+}
+
+}  // namespace
+
+DepthMatches MatchDepths(const PatchMatcher& matcher,
+                         const RayScene& scene,
+                         const std::vector<DepthQuery>& queries,
+                         const std::vector<std::pair<int, int>>& edges,
+                         const DepthSearch& search) {
+  const std::vector<double> depths = ListDepths(search);
+  const size_t num_labels = depths.size();
+  const int num_queries = static_cast<int>(queries.size());
+  const double pixel = matcher.options().spacing;
+  // A patch that the surface bends away from says nothing.
+  const double half = 0.5 * (matcher.options().side - 1) * pixel;
+  std::vector<float> evidence(num_queries * num_labels, 0.f);
+  std::vector<float> cost(evidence.size());
+  std::vector<char> seen(num_queries, 0);
+  tbb::parallel_for(
+      tbb::blocked_range<int>(0, num_queries, 64),
+      [&](const tbb::blocked_range<int>& part) {
+        for (int i = part.begin(); i < part.end(); ++i) {
+          const DepthQuery& query = queries[i];
+          const std::vector<int> views =
+              matcher.VisibleViews(scene,
+                                   query.point_in_world,
+                                   query.unit_normal,
+                                   search.visible_tolerance);
+          seen[i] = views.size() >= 2;
+          const double most = kDepthShare * query.thickness;
+          const bool flat = half * half < kMostSag * pixel * query.thickness;
+          std::vector<double> possible;
+          for (const double depth : depths) {
+            if (flat && depth >= query.least_depth && depth <= most) {
+              possible.push_back(depth);
+            }
+          }
+          const std::vector<float> found = matcher.Evidence(
+              views, query.point_in_world, query.unit_normal, possible);
+          size_t next = 0;
+          for (size_t k = 0; k < num_labels; ++k) {
+            float& e = evidence[i * num_labels + k];
+            float& c = cost[i * num_labels + k];
+            if (next < possible.size() && possible[next] == depths[k]) {
+              e = found[next++];
+              c = -e;
+            } else {
+              c = kForbidden;
+            }
+            if (search.mean_depth > 0) {
+              c += static_cast<float>(depths[k] / search.mean_depth);
+            }
+          }
+        }
+      });
+  const std::vector<float> belief = PropagateBeliefs(
+      static_cast<int>(num_labels),
+      cost,
+      edges,
+      static_cast<float>(search.smoothness * search.step / pixel),
+      static_cast<float>(kTruncation * pixel / search.step),
+      kBeliefIterations);
+
+  DepthMatches result;
+  int num_seen = 0;
+  std::vector<float> sorted;
+  const double sigma = search.sigma_match * pixel;
+  const double most_precise = 1 / (sigma * sigma);
+  const auto reach = std::max<size_t>(
+      1, static_cast<size_t>(std::lround(kBendReach * pixel / search.step)));
+  for (int i = 0; i < num_queries; ++i) {
+    num_seen += seen[i];
+    const float* b = &belief[i * num_labels];
+    const float* e = &evidence[i * num_labels];
+    const auto k = static_cast<size_t>(std::min_element(b, b + num_labels) - b);
+    if (k + 1 == num_labels || e[k] < kLeastEvidence) continue;
+    sorted.assign(e, e + num_labels);
+    const auto middle =
+        sorted.begin() + static_cast<std::ptrdiff_t>(num_labels / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    const float contrast = e[k] - *middle;
+    if (contrast < kLeastContrast) continue;
+    double depth = depths[k];
+    if (k > 0) depth += search.step * SubStep(e[k - 1], e[k], e[k + 1]);
+    // The likelihood as a normal distribution about its maximum: its precision
+    // is the bend of its logarithm. Shading bends it less than texture does.
+    const size_t before = k >= reach ? k - reach : k + reach;
+    const size_t after = k + reach < num_labels ? k + reach : k - reach;
+    const double width = search.step * static_cast<double>(reach);
+    const double precision =
+        kPrecision * (2 * e[k] - e[before] - e[after]) / (width * width);
+    if (!(precision > 0)) continue;
+    result.matches.push_back({i, depth, std::min(precision, most_precise)});
+  }
+  result.supported_share =
+      num_seen > 0 ? static_cast<double>(result.matches.size()) / num_seen : 0;
+  return result;
+}
+
+}  // namespace sweepfit
