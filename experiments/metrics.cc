@@ -13,8 +13,8 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "experiments/closest_point.h"
 #include "experiments/random.h"
+#include "model/closest_point.h"
 #include "model/input_error.h"
 
 namespace sweepfit {

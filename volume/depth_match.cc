@@ -18,7 +18,7 @@ using Eigen::Vector3d;
 constexpr double kDepthShare = 0.35;
 // A depth that no data supports costs this much more than any evidence.
 constexpr float kForbidden = 50;
-constexpr int kBeliefIterations = 30;
+constexpr int kBeliefIterations = 10;
 // Greater differences of depth cost no more than this, pixels.
 constexpr double kTruncation = 5;
 // A round surface may leave the plane of a patch at its edge by so many pixels.

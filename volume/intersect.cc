@@ -8,22 +8,19 @@
 #include <vector>
 
 #include "volume/components.h"
+#include "volume/mesh_distance.h"
 #include "volume/volume_impl.h"
 
 namespace sweepfit {
 
 Volume IntersectWithMesh(const Volume& hull, const TriangleMesh& mesh) {
-  const Volume inner = VolumeFromMesh(mesh, hull.voxel_size());
-  const BlockGrid& inner_grid = inner.impl().blocks;
+  const MeshDistance inner(mesh, hull.voxel_size(), hull.band_half_width());
   std::vector<BlockGrid::Block> blocks = hull.impl().blocks.blocks();
   tbb::parallel_for(size_t{0}, blocks.size(), [&](size_t b) {
     BlockGrid::Block& block = blocks[b];
-    const Eigen::Vector3i first = block.index * BlockGrid::kSide;
+    const BlockGrid::BlockValues values = inner.Evaluate(block.index);
     for (int o = 0; o < BlockGrid::kBlockSize; ++o) {
-      block.values[o] = std::max(block.values[o],
-                                 inner_grid.Value(first.x() + (o >> 6),
-                                                  first.y() + (o >> 3 & 7),
-                                                  first.z() + (o & 7)));
+      block.values[o] = std::max(block.values[o], values[o]);
     }
   });
   BlockGrid grid(hull.voxel_size(), hull.band_half_width(), std::move(blocks));

@@ -21,9 +21,10 @@ constexpr double kNoiseLeft = 0.5;
 // Rounding to 8 bit alone makes this much noise, CIELAB L.
 constexpr double kLeastNoise = 0.15;
 
-cv::Mat1f Lightness(const cv::Mat3b& image) {
+// CIELAB L of a part of the picture.
+cv::Mat1f Lightness(const cv::Mat3b& image, const cv::Rect& part) {
   cv::Mat3f bgr;
-  image.convertTo(bgr, CV_32F, 1.0 / 255);
+  image(part).convertTo(bgr, CV_32F, 1.0 / 255);
   cv::Mat3f lab;
   cv::cvtColor(bgr, lab, cv::COLOR_BGR2Lab);
   cv::Mat1f lightness;
@@ -55,25 +56,28 @@ double MeasureNoise(const cv::Mat1f& lightness, const cv::Mat1f& coverage) {
   return *middle / (kGain * kMedianOfAbs);
 }
 
-// Over pinhole pixels.
-cv::Mat1f Straighten(const View& view, const cv::Mat1f& lightness) {
-  if (!view.camera.HasDistortion()) return lightness;
-  cv::Mat2f map(view.camera.height, view.camera.width);
+// The box around the silhouette, in pinhole pixels, with room for patches.
+cv::Rect PersonBox(const cv::Mat1f& signed_distance, int margin) {
+  const cv::Rect frame({0, 0}, signed_distance.size());
+  cv::Rect box = cv::boundingRect(signed_distance < 0);
+  box.x -= margin;
+  box.y -= margin;
+  box.width += 2 * margin;
+  box.height += 2 * margin;
+  return box & frame;
+}
+
+// Where the pixels of a box of pinhole pixels lie in the picture as taken.
+cv::Mat2f DistortBox(const Camera& camera, const cv::Rect& box) {
+  cv::Mat2f map(box.size());
   for (int v = 0; v < map.rows; ++v) {
     for (int u = 0; u < map.cols; ++u) {
-      const Vector2d pixel = view.camera.Distort({u, v});
+      const Vector2d pixel = camera.Distort({box.x + u, box.y + v});
       map(v, u) = cv::Vec2f(static_cast<float>(pixel.x()),
                             static_cast<float>(pixel.y()));
     }
   }
-  cv::Mat1f straight;
-  cv::remap(lightness,
-            straight,
-            map,
-            cv::noArray(),
-            cv::INTER_CUBIC,
-            cv::BORDER_REPLICATE);
-  return straight;
+  return map;
 }
 
 }  // namespace
@@ -95,29 +99,76 @@ PatchMatcher::PatchMatcher(const std::vector<View>& views,
                            const PatchOptions& options)
     : options_(options), pictures_(views.size()) {
   tbb::parallel_for(size_t{0}, views.size(), [&](size_t i) {
+    const View& view = views[i];
     Picture& picture = pictures_[i];
-    picture.camera = views[i].camera;
+    picture.camera = view.camera;
     picture.camera.distortion = {};
-    cv::Mat1f lightness = Lightness(views[i].image);
+    picture.center_in_world = view.camera.CenterInWorld();
+    picture.signed_distance = view.signed_distance;
+    picture.box = PersonBox(view.signed_distance, 2 * options.side);
+    if (picture.box.empty()) return;
+    // The part of the picture as taken that is seen there.
+    cv::Mat2f map;
+    cv::Rect part = picture.box;
+    if (view.camera.HasDistortion()) {
+      map = DistortBox(view.camera, picture.box);
+      std::vector<cv::Mat1f> axes;
+      cv::split(map, axes);
+      double low[2], high[2];
+      for (int axis = 0; axis < 2; ++axis) {
+        cv::minMaxLoc(axes[axis], &low[axis], &high[axis]);
+      }
+      constexpr double kMargin = 4;
+      part = cv::Rect(cv::Point(static_cast<int>(low[0] - kMargin),
+                                static_cast<int>(low[1] - kMargin)),
+                      cv::Point(static_cast<int>(high[0] + kMargin),
+                                static_cast<int>(high[1] + kMargin))) &
+             cv::Rect({0, 0}, view.image.size());
+      if (part.empty()) {
+        picture.box = {};
+        return;
+      }
+    }
+    picture.lightness = Lightness(view.image, part);
     picture.noise = std::max(
-        kLeastNoise, kNoiseLeft * MeasureNoise(lightness, views[i].coverage));
-    cv::GaussianBlur(lightness, lightness, {}, kSmoothing);
-    picture.lightness = Straighten(views[i], lightness);
-    picture.signed_distance = views[i].signed_distance;
-    picture.center_in_world = views[i].camera.CenterInWorld();
+        kLeastNoise,
+        kNoiseLeft * MeasureNoise(picture.lightness, view.coverage(part)));
+    cv::GaussianBlur(picture.lightness, picture.lightness, {}, kSmoothing);
+    if (!map.empty()) {
+      map -= cv::Scalar(part.x, part.y);
+      cv::Mat1f straight;
+      cv::remap(picture.lightness,
+                straight,
+                map,
+                cv::noArray(),
+                cv::INTER_CUBIC,
+                cv::BORDER_REPLICATE);
+      picture.lightness = straight;
+    }
   });
-  const double half = 0.5 * (options.side - 1);
+  // Every other place of the square, as on a chess board: neighbouring pixels
+  // say nearly the same.
+  const int half = options.side / 2;
   const double sigma = 0.6 * half;
-  double sum = 0;
-  for (int a = 0; a < options.side; ++a) {
-    for (int b = 0; b < options.side; ++b) {
-      const double r2 = (a - half) * (a - half) + (b - half) * (b - half);
-      tap_weight_.push_back(
-          static_cast<float>(std::exp(-0.5 * r2 / (sigma * sigma))));
-      sum += tap_weight_.back();
+  std::vector<Eigen::Vector3f> taps;
+  for (int a = -half; a <= half; ++a) {
+    for (int b = -half; b <= half; ++b) {
+      if ((a + b) % 2 != 0) continue;
+      const double weight = std::exp(-0.5 * (a * a + b * b) / (sigma * sigma));
+      taps.emplace_back(a, b, weight);
     }
   }
-  for (float& weight : tap_weight_) weight /= static_cast<float>(sum);
+  const auto count = static_cast<Eigen::Index>(taps.size());
+  tap_a_.resize(count);
+  tap_b_.resize(count);
+  tap_weight_.resize(count);
+  for (Eigen::Index t = 0; t < count; ++t) {
+    tap_a_[t] = taps[t].x();
+    tap_b_[t] = taps[t].y();
+    tap_weight_[t] = taps[t].z();
+  }
+  tap_weight_ /= tap_weight_.sum();
+  root_weight_ = tap_weight_.sqrt();
 }
 
 std::vector<int> PatchMatcher::VisibleViews(const RayScene& scene,
@@ -146,7 +197,7 @@ bool PatchMatcher::SamplePatch(const Picture& picture,
                                const Vector3d& center_in_world,
                                const Vector3d& step_a,
                                const Vector3d& step_b,
-                               std::vector<float>* patch) const {
+                               Eigen::ArrayXf* patch) const {
   const Camera& camera = picture.camera;
   const Vector3d in_camera = camera.PointInCamera(center_in_world);
   if (!(in_camera.z() > 1e-3)) return false;
@@ -160,9 +211,10 @@ bool PatchMatcher::SamplePatch(const Picture& picture,
   const int half = options_.side / 2;
   const Vector2d reach = half * (pa.cwiseAbs() + pb.cwiseAbs());
   const cv::Mat1f& image = picture.lightness;
-  if (!(pixel.x() - reach.x() >= 0 && pixel.y() - reach.y() >= 0 &&
-        pixel.x() + reach.x() < image.cols - 1 &&
-        pixel.y() + reach.y() < image.rows - 1)) {
+  const Vector2d in_box = pixel - Vector2d(picture.box.x, picture.box.y);
+  if (!(in_box.x() - reach.x() >= 0 && in_box.y() - reach.y() >= 0 &&
+        in_box.x() + reach.x() < image.cols - 1 &&
+        in_box.y() + reach.y() < image.rows - 1)) {
     return false;
   }
   // The edge of a silhouette is not texture: it lies elsewhere for every view.
@@ -175,37 +227,30 @@ bool PatchMatcher::SamplePatch(const Picture& picture,
       }
     }
   }
-  patch->resize(tap_weight_.size());
-  float mean = 0;
-  int t = 0;
-  for (int a = -half; a <= half; ++a) {
-    for (int b = -half; b <= half; ++b, ++t) {
-      const auto x = static_cast<float>(pixel.x() + a * pa.x() + b * pb.x());
-      const auto y = static_cast<float>(pixel.y() + a * pa.y() + b * pb.y());
-      const int x0 = static_cast<int>(x);
-      const int y0 = static_cast<int>(y);
-      const float fx = x - static_cast<float>(x0);
-      const float fy = y - static_cast<float>(y0);
-      const float* top = image[y0] + x0;
-      const float* bottom = image[y0 + 1] + x0;
-      const float upper = top[0] + fx * (top[1] - top[0]);
-      const float lower = bottom[0] + fx * (bottom[1] - bottom[0]);
-      const float value = upper + fy * (lower - upper);
-      (*patch)[t] = value;
-      mean += tap_weight_[t] * value;
-    }
+  const Eigen::Vector2f at = in_box.cast<float>();
+  const Eigen::Vector2f to_a = pa.cast<float>(), to_b = pb.cast<float>();
+  Eigen::ArrayXf& values = *patch;
+  values.resize(tap_weight_.size());
+  const auto stride = static_cast<std::ptrdiff_t>(image.step1());
+  const float* pixels = image[0];
+  for (Eigen::Index t = 0; t < values.size(); ++t) {
+    const float x = at.x() + tap_a_[t] * to_a.x() + tap_b_[t] * to_b.x();
+    const float y = at.y() + tap_a_[t] * to_a.y() + tap_b_[t] * to_b.y();
+    const int x0 = static_cast<int>(x);
+    const int y0 = static_cast<int>(y);
+    const float fx = x - static_cast<float>(x0);
+    const float fy = y - static_cast<float>(y0);
+    const float* top = pixels + y0 * stride + x0;
+    const float* bottom = top + stride;
+    const float upper = top[0] + fx * (top[1] - top[0]);
+    const float lower = bottom[0] + fx * (bottom[1] - bottom[0]);
+    values[t] = upper + fy * (lower - upper);
   }
-  float variance = 0;
-  for (size_t i = 0; i < patch->size(); ++i) {
-    float& value = (*patch)[i];
-    value -= mean;
-    variance += tap_weight_[i] * value * value;
-  }
-  const auto scale = static_cast<float>(
-      1 / std::sqrt(variance + picture.noise * picture.noise));
-  for (size_t i = 0; i < patch->size(); ++i) {
-    (*patch)[i] *= scale * std::sqrt(tap_weight_[i]);
-  }
+  values -= (tap_weight_ * values).sum();
+  const double variance = (tap_weight_ * values.square()).sum();
+  values *= root_weight_ *
+            static_cast<float>(
+                1 / std::sqrt(variance + picture.noise * picture.noise));
   return true;
 }
 
@@ -218,7 +263,7 @@ std::vector<float> PatchMatcher::Evidence(
   if (views.size() < 2) return evidence;
   const Vector3d step_a = options_.spacing * unit_normal.unitOrthogonal();
   const Vector3d step_b = unit_normal.cross(step_a);
-  std::vector<std::vector<float>> patches(views.size());
+  std::vector<Eigen::ArrayXf> patches(views.size());
   for (size_t k = 0; k < depths.size(); ++k) {
     const Vector3d center = point_in_world - depths[k] * unit_normal;
     size_t count = 0;
@@ -233,11 +278,7 @@ std::vector<float> PatchMatcher::Evidence(
     int pairs = 0;
     for (size_t i = 0; i < count; ++i) {
       for (size_t j = i + 1; j < count; ++j) {
-        float r = 0;
-        for (size_t t = 0; t < tap_weight_.size(); ++t) {
-          r += patches[i][t] * patches[j][t];
-        }
-        r = std::clamp(r, 0.f, 0.99f);
+        const float r = std::clamp((patches[i] * patches[j]).sum(), 0.f, 0.99f);
         sum -= 0.5 * options_.effective_taps * std::log(1 - r * r);
         ++pairs;
       }

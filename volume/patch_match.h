@@ -39,8 +39,7 @@ class PatchMatcher {
   // show unrelated patches", for the patches at point - depth * normal. From
   // the correlations r of all pairs of views, shrunk by the noise,
   //   (m - 1) / pairs * sum_pairs  -taps / 2 * ln(1 - max(r, 0)^2).
-  // texture: standard deviation of lightness over the patch, mean of the views,
-  // at the first depth. Zeros when fewer than two views see it.
+  // Zeros when fewer than two views see it.
   std::vector<float> Evidence(const std::vector<int>& views,
                               const Eigen::Vector3d& point_in_world,
                               const Eigen::Vector3d& unit_normal,
@@ -49,7 +48,8 @@ class PatchMatcher {
  private:
   struct Picture {
     Camera camera;        // without distortion
-    cv::Mat1f lightness;  // CIELAB L, lightly smoothed
+    cv::Rect box;         // around the person
+    cv::Mat1f lightness;  // CIELAB L there, lightly smoothed
     double noise = 0;     // its standard deviation
     cv::Mat1f signed_distance;
     Eigen::Vector3d center_in_world;
@@ -59,11 +59,12 @@ class PatchMatcher {
                    const Eigen::Vector3d& center_in_world,
                    const Eigen::Vector3d& step_a,
                    const Eigen::Vector3d& step_b,
-                   std::vector<float>* patch) const;
+                   Eigen::ArrayXf* patch) const;
 
   PatchOptions options_;
   std::vector<Picture> pictures_;
-  std::vector<float> tap_weight_;
+  // Places along the two directions of a patch, and weights: sum 1.
+  Eigen::ArrayXf tap_a_, tap_b_, tap_weight_, root_weight_;
 };
 
 }  // namespace sweepfit

@@ -106,6 +106,10 @@ std::vector<OffsetTarget> FindRimContacts(const View& view,
   const Vector3d center = camera.CenterInWorld();
   std::vector<Candidate> candidates;
   for (size_t v = 0; v < vertices.size(); ++v) {
+    constexpr double kFacing = 0.7;
+    const Vector3d to_vertex = vertices[v] - center;
+    const double facing = to_vertex.dot(normals[v]);
+    if (facing * facing > kFacing * kFacing * to_vertex.squaredNorm()) continue;
     const Vector3d in_camera = camera.PointInCamera(vertices[v]);
     if (!(in_camera.z() > 0)) continue;
     const Vector2d pixel = (camera.K * in_camera).hnormalized();
@@ -114,13 +118,10 @@ std::vector<OffsetTarget> FindRimContacts(const View& view,
       continue;
     }
     if (SampleBilinear(distance, pixel).value < -kInwards) continue;
-    const Vector3d ray = (vertices[v] - center).normalized();
-    constexpr double kFacing = 0.7;
-    if (std::abs(ray.dot(normals[v])) > kFacing) continue;
     candidates.push_back({static_cast<int>(v),
                           pixel,
                           in_camera.z() / camera.FocalLength(),
-                          ray});
+                          to_vertex.normalized()});
   }
   const CandidateGrid grid(distance.cols, distance.rows, std::move(candidates));
 

@@ -4,7 +4,11 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include <Eigen/Core>
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
 
 namespace sweepfit {
 namespace {
@@ -38,6 +42,46 @@ Incoming Direct(int num_nodes, const std::vector<std::pair<int, int>>& edges) {
   return in;
 }
 
+// Lowers f to min_j f(j) + slope |i - j|, where |i - j| <= reach and perhaps
+// farther, by steps of 1, 2, 4, ...: any distance is a sum of some of them.
+class LowerEnvelope {
+ public:
+  LowerEnvelope(int num_labels, float slope, int reach)
+      : n_(num_labels), slope_(slope) {
+    reach = std::min(reach, num_labels - 1);
+    for (int step = 1, covered = 0; covered < reach; step *= 2) {
+      steps_.push_back(step);
+      covered += step;
+    }
+    margin_ = steps_.empty() ? 0 : steps_.back();
+    for (auto& buffer : buffers_) {
+      buffer.assign(n_ + 2 * margin_, std::numeric_limits<float>::infinity());
+    }
+  }
+  // Where to put f.
+  Eigen::Map<Eigen::ArrayXf> Values() { return At(0, 0); }
+  Eigen::Map<Eigen::ArrayXf> Lower() {
+    int now = 0;
+    for (const int step : steps_) {
+      At(1 - now, 0) = At(now, 0).min(At(now, -step).min(At(now, step)) +
+                                      slope_ * static_cast<float>(step));
+      now = 1 - now;
+    }
+    return At(now, 0);
+  }
+
+ private:
+  Eigen::Map<Eigen::ArrayXf> At(int buffer, int shift) {
+    return {&buffers_[buffer][margin_ + shift], n_};
+  }
+
+  int n_;
+  float slope_;
+  std::vector<int> steps_;
+  int margin_ = 0;
+  std::array<std::vector<float>, 2> buffers_;
+};
+
 }  // namespace
 
 std::vector<float> PropagateBeliefs(
@@ -53,38 +97,33 @@ std::vector<float> PropagateBeliefs(
   std::vector<float> belief = unary;
   std::vector<float> next_message(message.size());
   std::vector<float> next_belief(belief.size());
+  // The labels of a node or an edge.
+  const auto row = [num_labels](std::vector<float>& values, int i) {
+    return Eigen::Map<Eigen::ArrayXf>(
+        &values[static_cast<size_t>(i) * num_labels], num_labels);
+  };
+  const auto read = [num_labels](const std::vector<float>& values, int i) {
+    return Eigen::Map<const Eigen::ArrayXf>(
+        &values[static_cast<size_t>(i) * num_labels], num_labels);
+  };
+  const int reach = static_cast<int>(std::ceil(truncation));
   for (int iteration = 0; iteration < iterations; ++iteration) {
     tbb::parallel_for(
         tbb::blocked_range<int>(0, num_nodes, 512),
         [&](const tbb::blocked_range<int>& range) {
+          LowerEnvelope envelope(num_labels, smoothness, reach);
           for (int node = range.begin(); node < range.end(); ++node) {
-            float* sum = &next_belief[static_cast<size_t>(node) * num_labels];
-            std::copy_n(&unary[static_cast<size_t>(node) * num_labels],
-                        num_labels,
-                        sum);
+            auto sum = row(next_belief, node);
+            sum = read(unary, node);
             for (int e = in.first[node]; e < in.first[node + 1]; ++e) {
               // What the neighbour believes without what this node told it.
-              const float* other =
-                  &belief[static_cast<size_t>(in.from[e]) * num_labels];
-              const float* told =
-                  &message[static_cast<size_t>(in.reverse[e]) * num_labels];
-              float* out = &next_message[static_cast<size_t>(e) * num_labels];
-              float least = other[0] - told[0];
-              for (int k = 0; k < num_labels; ++k) {
-                out[k] = other[k] - told[k];
-                least = std::min(least, out[k]);
-              }
-              for (int k = 1; k < num_labels; ++k) {
-                out[k] = std::min(out[k], out[k - 1] + smoothness);
-              }
-              for (int k = num_labels - 2; k >= 0; --k) {
-                out[k] = std::min(out[k], out[k + 1] + smoothness);
-              }
-              const float most = least + smoothness * truncation;
-              for (int k = 0; k < num_labels; ++k) {
-                out[k] = std::min(out[k], most) - least;
-                sum[k] += out[k];
-              }
+              auto values = envelope.Values();
+              values = read(belief, in.from[e]) - read(message, in.reverse[e]);
+              const float least = values.minCoeff();
+              const float most = smoothness * truncation;
+              auto out = row(next_message, e);
+              out = (envelope.Lower() - least).min(most);
+              sum += out;
             }
           }
         });

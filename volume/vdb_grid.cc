@@ -4,7 +4,6 @@
 #include <glog/logging.h>
 #include <openvdb/io/File.h>
 #include <openvdb/openvdb.h>
-#include <openvdb/tools/MeshToVolume.h>
 #include <openvdb/tools/VolumeToMesh.h>
 
 #include <algorithm>
@@ -13,7 +12,6 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <tuple>
 
 #include "model/input_error.h"
 
@@ -113,64 +111,6 @@ std::shared_ptr<const VdbGrid> MakeVdbGrid(const BlockGrid& blocks) {
     tree.addLeaf(leaf);
   }
   return std::make_shared<VdbGrid>(VdbGrid{grid});
-}
-
-std::shared_ptr<const VdbGrid> MakeVdbGrid(const TriangleMesh& mesh,
-                                           double voxel_size,
-                                           double band) {
-  InitializeOnce();
-  std::vector<openvdb::Vec3s> points;
-  points.reserve(mesh.vertices.size());
-  for (const Eigen::Vector3d& v : mesh.vertices) {
-    points.emplace_back(v.x(), v.y(), v.z());
-  }
-  std::vector<openvdb::Vec3I> triangles;
-  triangles.reserve(mesh.triangles.size());
-  for (const Triangle& t : mesh.triangles)
-    triangles.emplace_back(t[0], t[1], t[2]);
-  const auto transform =
-      openvdb::math::Transform::createLinearTransform(voxel_size);
-  auto grid = openvdb::tools::meshToLevelSet<openvdb::FloatGrid>(
-      *transform, points, triangles, static_cast<float>(band / voxel_size));
-  grid->setName("surface");
-  return std::make_shared<VdbGrid>(VdbGrid{grid});
-}
-
-BlockGrid MakeBlockGrid(const VdbGrid& vdb, double voxel_size, double band) {
-  const auto limit = static_cast<float>(band);
-  std::vector<BlockGrid::Block> blocks;
-  const openvdb::FloatTree& tree = vdb.grid->tree();
-  for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) {
-    const openvdb::Coord origin = leaf->origin();
-    BlockGrid::Block block;
-    block.index =
-        Eigen::Vector3i(origin.x(), origin.y(), origin.z()) / BlockGrid::kSide;
-    for (int o = 0; o < BlockGrid::kBlockSize; ++o) {
-      block.values[o] = std::clamp(leaf->getValue(o), -limit, limit);
-    }
-    blocks.push_back(block);
-  }
-  auto tile = tree.cbeginValueAll();
-  tile.setMaxDepth(openvdb::FloatTree::ValueAllCIter::LEAF_DEPTH - 1);
-  for (; tile; ++tile) {
-    if (*tile >= 0) continue;
-    const openvdb::CoordBBox box = tile.getBoundingBox();
-    for (int x = box.min().x(); x <= box.max().x(); x += BlockGrid::kSide) {
-      for (int y = box.min().y(); y <= box.max().y(); y += BlockGrid::kSide) {
-        for (int z = box.min().z(); z <= box.max().z(); z += BlockGrid::kSide) {
-          BlockGrid::Block block;
-          block.index = Eigen::Vector3i(x, y, z) / BlockGrid::kSide;
-          block.values.fill(-limit);
-          blocks.push_back(block);
-        }
-      }
-    }
-  }
-  std::sort(blocks.begin(), blocks.end(), [](const auto& a, const auto& b) {
-    return std::make_tuple(a.index.x(), a.index.y(), a.index.z()) <
-           std::make_tuple(b.index.x(), b.index.y(), b.index.z());
-  });
-  return BlockGrid(voxel_size, band, std::move(blocks));
 }
 
 TriangleMesh MeshVdbGrid(const VdbGrid& vdb) {

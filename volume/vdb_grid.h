@@ -16,14 +16,6 @@ struct VdbGrid;
 // Leaves where the level set is near, inactive tiles inside.
 std::shared_ptr<const VdbGrid> MakeVdbGrid(const BlockGrid& grid);
 
-// The level set of a closed mesh, signed distances within +- band.
-std::shared_ptr<const VdbGrid> MakeVdbGrid(const TriangleMesh& mesh,
-                                           double voxel_size,
-                                           double band);
-
-// Back to blocks, tiles inside included, in ascending order of their index.
-BlockGrid MakeBlockGrid(const VdbGrid& vdb, double voxel_size, double band);
-
 // The zero surface; quads split along their shorter diagonal.
 TriangleMesh MeshVdbGrid(const VdbGrid& vdb);
 

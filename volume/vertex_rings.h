@@ -32,6 +32,7 @@ std::vector<Eigen::Vector3d> SmoothNormals(const TriangleMesh& mesh,
                                            int passes);
 
 // Distance from a vertex to those around it, mean, metres.
-double MeanEdgeLength(const TriangleMesh& mesh, const VertexRings& rings);
+double MeanEdgeLength(const std::vector<Eigen::Vector3d>& vertices,
+                      const VertexRings& rings);
 
 }  // namespace sweepfit

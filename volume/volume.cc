@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "model/input_error.h"
+#include "volume/mesh_distance.h"
 #include "volume/volume_impl.h"
 
 namespace sweepfit {
@@ -49,10 +50,8 @@ Volume VolumeFromMesh(const TriangleMesh& mesh, double voxel_size) {
     throw InputError("a volume needs a mesh with triangles and a voxel size");
   }
   const double band = kBandVoxels * voxel_size;
-  auto vdb = MakeVdbGrid(mesh, voxel_size, band);
-  BlockGrid blocks = MakeBlockGrid(*vdb, voxel_size, band);
-  return Volume(
-      std::make_unique<Volume::Impl>(std::move(blocks), std::move(vdb)));
+  return MakeVolume(BlockGrid(
+      voxel_size, band, MeshDistance(mesh, voxel_size, band).Blocks()));
 }
 
 }  // namespace sweepfit

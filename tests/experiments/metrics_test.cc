@@ -12,7 +12,6 @@
 #include <numbers>
 #include <utility>
 
-#include "experiments/closest_point.h"
 #include "experiments/random.h"
 #include "model/input_error.h"
 #include "tests/support/temporary_folder.h"
@@ -168,41 +167,6 @@ TEST(CompareJoints, SimilarityAlignmentUndoesASimilarityButNoMirror) {
   EXPECT_NEAR(CompareJoints(turned, truth).pa_mpjpe, 0, 1e-9);
   EXPECT_GT(CompareJoints(turned, truth).mpjpe, 1);
   EXPECT_GT(CompareJoints(mirrored, truth).pa_mpjpe, 0.1);
-}
-
-TEST(ClosestPointOnTriangle, FindsFaceEdgeAndCorner) {
-  const Vector3d a(0, 0, 0), b(1, 0, 0), c(0, 1, 0);
-  const auto closest = [&](double x, double y, double z) {
-    return ClosestPointOnTriangle({x, y, z}, a, b, c).point;
-  };
-  EXPECT_TRUE(closest(0.2, 0.3, 5).isApprox(Vector3d(0.2, 0.3, 0)));
-  EXPECT_TRUE(closest(0.4, -2, 1).isApprox(Vector3d(0.4, 0, 0)));
-  EXPECT_TRUE(closest(-1, 0.4, 1).isApprox(Vector3d(0, 0.4, 0)));
-  EXPECT_TRUE(closest(1, 1, -1).isApprox(Vector3d(0.5, 0.5, 0)));
-  EXPECT_TRUE(closest(3, -1, 0).isApprox(b));
-  EXPECT_TRUE(closest(-1, 3, 0).isApprox(c));
-  EXPECT_LT(closest(-1, -1, 0).norm(), 1e-15);
-}
-
-TEST(ClosestPointFinder, AgreesWithTryingAllTriangles) {
-  const TriangleMesh sphere = Sphere(1);
-  const ClosestPointFinder finder(sphere);
-  Random random(3);
-  for (int i = 0; i < 50; ++i) {
-    const Vector3d p(
-        random.Uniform(-2, 2), random.Uniform(-2, 2), random.Uniform(-2, 2));
-    double best = 1e9;
-    for (const auto& [a, b, c] : sphere.triangles) {
-      best = std::min(
-          best,
-          (p -
-           ClosestPointOnTriangle(
-               p, sphere.vertices[a], sphere.vertices[b], sphere.vertices[c])
-               .point)
-              .norm());
-    }
-    EXPECT_NEAR(finder.Find(p).distance, best, 1e-12);
-  }
 }
 
 TEST(CompareSurfaces, ConcentricSpheresDifferByTheirRadii) {

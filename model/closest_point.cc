@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "experiments/closest_point.h"
+#include "model/closest_point.h"
 
 #include <glog/logging.h>
 
