@@ -8,6 +8,7 @@
 #include "capture/silhouette.h"
 #include "model/body.h"
 #include "solver/joints.h"
+#include "solver/photo_evidence.h"
 #include "solver/rim_evidence.h"
 #include "volume/volume.h"
 
@@ -54,6 +55,7 @@ struct PoseEvidence {
   const std::vector<ObservedContour>* contours;  // one per view
   const Volume* volume;
   const LandmarkResult* landmarks;
+  const PhotoEvidence* photo = nullptr;  // none: outlines and hull only
 };
 
 // Global fit (paper IV.A and beyond): pose, bone lengths and a few coarse

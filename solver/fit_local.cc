@@ -14,6 +14,7 @@
 #include "residuals/radius_point_cost.h"
 #include "residuals/radius_smoothness.h"
 #include "residuals/silhouette_rim.h"
+#include "residuals/surface_point.h"
 #include "solver/carried_surface.h"
 #include "solver/fit_body.h"
 #include "solver/solve_person.h"
@@ -29,6 +30,12 @@ constexpr int kHullStride = 5;
 constexpr double kSoundRimError = 0.015;  // metres
 // Radii may not leave the template by more than a factor of e^0.9.
 constexpr double kLargestLogRatio = 0.9;
+
+// The photographs are matched this far about the body, metres, in steps of so
+// many pixels.
+constexpr double kPhotoReach = 0.018;
+constexpr double kPhotoReachLast = 0.010;
+constexpr double kPhotoStep = 0.85;
 
 // The unknowns: log ratios, one parameter block per key row.
 using Rows = std::vector<std::vector<std::vector<double>>>;  // sweep, row, col
@@ -128,6 +135,7 @@ void AddEvidence(const PoseEvidence& evidence,
                  const Body& body,
                  const Pose& pose,
                  const std::vector<RestDerivative>& rest_derivatives,
+                 const std::vector<PhotoPoint>& photo,
                  Rows* rows,
                  ceres::Problem* problem) {
   const PosedBody posed = PoseForFit(body, pose);
@@ -165,6 +173,16 @@ void AddEvidence(const PoseEvidence& evidence,
              at(pair.vertex),
              weight,
              new ceres::TukeyLoss(6),
+             problem);
+  }
+  for (const PhotoPoint& seen : photo) {
+    const double weight =
+        evidence.photo->options().weight * FeatureWeight(body, seen.vertex);
+    if (weight <= 0 || at(seen.vertex).blocks.empty()) continue;
+    AddPoint(SurfacePoint(seen.point_in_world, seen.unit_normal, seen.sigma),
+             at(seen.vertex),
+             weight,
+             new ceres::HuberLoss(2),
              problem);
   }
   HullDistance::Options hull;
@@ -244,11 +262,13 @@ void AddRegularisation(const Body& body,
   }
 }
 
-nlohmann::ordered_json SolveRadii(const std::vector<PoseEvidence>& evidence,
-                                  const LocalOptions& options,
-                                  double sigma_rim,
-                                  const JointResult& joints,
-                                  Body* body) {
+nlohmann::ordered_json SolveRadii(
+    const std::vector<PoseEvidence>& evidence,
+    const LocalOptions& options,
+    double sigma_rim,
+    const JointResult& joints,
+    const std::vector<std::vector<PhotoPoint>>& photo,
+    Body* body) {
   Rows rows = RowsOf(*body);
   const std::vector<RestDerivative> rest_derivatives = RestByLogRatio(*body);
   ceres::Problem problem;
@@ -259,6 +279,7 @@ nlohmann::ordered_json SolveRadii(const std::vector<PoseEvidence>& evidence,
                 *body,
                 joints.poses[p].pose,
                 rest_derivatives,
+                photo[p],
                 &rows,
                 &problem);
   }
@@ -374,12 +395,26 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
     SampleHullRadii(evidence, options.mode == "paper", *joints, body);
   } else {
     nlohmann::ordered_json report, person_report;
+    std::vector<std::vector<PhotoPoint>> photo(evidence.size());
     for (int round = 0; round < options.rounds; ++round) {
       const bool first = round == 0;
+      // Outlines first: photographs are matched about what nearly fits.
+      const bool last = round + 1 == options.rounds;
+      if (round == 1 || (last && !first)) {
+        for (size_t p = 0; p < evidence.size(); ++p) {
+          if (evidence[p].photo == nullptr) continue;
+          photo[p] =
+              evidence[p].photo->Match(PoseForFit(*body, joints->poses[p].pose),
+                                       body->topology.quads,
+                                       last ? kPhotoReachLast : kPhotoReach,
+                                       kPhotoStep);
+        }
+      }
       report = SolveRadii(evidence,
                           options,
                           (first ? 2 : 1) * options.sigma_rim,
                           *joints,
+                          photo,
                           body);
       const int left = options.rounds - 1 - round;
       if (left == 0) break;

@@ -133,6 +133,7 @@ std::optional<std::string> FitOptions::Check() const {
                             joints.Check(),
                             global.Check(),
                             local.Check(),
+                            photo.Check(),
                             refine.Check(),
                             texture.Check(),
                             exported.Check()}) {
@@ -257,13 +258,20 @@ FitResult FitObserved(
       of_pose.push_back(ObserveContour(view, kSpacing));
     }
   }
+  std::vector<PhotoEvidence> photo;
+  if (options.photo.enabled && until >= FindFitStage("local")) {
+    for (const PoseResult& pose : result.poses) {
+      photo.emplace_back(pose.seen->views, *pose.seen->volume, options.photo);
+    }
+  }
   std::vector<PoseEvidence> evidence;
   for (size_t p = 0; p < result.poses.size(); ++p) {
     const PoseResult& pose = result.poses[p];
     evidence.push_back({&pose.seen->views,
                         &contours[p],
                         &*pose.seen->volume,
-                        &pose.seen->landmarks});
+                        &pose.seen->landmarks,
+                        photo.empty() ? nullptr : &photo[p]});
   }
   RunStage(
       "global",

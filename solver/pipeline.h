@@ -67,6 +67,7 @@ struct FitOptions {
   JointOptions joints;
   GlobalOptions global;
   LocalOptions local;
+  PhotoEvidenceOptions photo;
   RefineOptions refine;
   TextureOptions texture;
   ExportOptions exported;

@@ -8,6 +8,7 @@
 #include "capture/render.h"
 #include "solver/fit_body.h"
 #include "solver/solve_person.h"
+#include "solver/surface_thickness.h"
 
 namespace sweepfit {
 namespace {
@@ -20,6 +21,11 @@ constexpr double kReach = 0.025;  // metres
 constexpr double kDetailStiffness = 6;
 // What is thin stays as it is: a factor on the weight of its offsets.
 constexpr double kThinStiffness = 400;
+
+// The photographs are matched this far about the surface, metres, in steps of
+// so many pixels.
+constexpr double kPhotoReach = 0.008;
+constexpr double kPhotoStep = 0.5;
 
 bool IsDetail(BodyPart part) {
   return part == BodyPart::kLHand || part == BodyPart::kRHand ||
@@ -77,15 +83,12 @@ std::vector<bool> FindThin(const Body& body) {
   TriangleMesh mesh;
   mesh.vertices = RestVertices(body);
   mesh.triangles = TriangulateQuads(body.topology.quads, mesh.vertices);
-  const std::vector<Vector3d> normals = VertexNormals(mesh);
-  const RayScene scene(mesh);
+  const std::vector<double> thickness =
+      SurfaceThickness(RayScene(mesh), mesh.vertices, VertexNormals(mesh));
   std::vector<bool> thin(body.num_vertices());
   for (int v = 0; v < body.num_vertices(); ++v) {
-    if (body.topology.part[v] != BodyPart::kHead) continue;
-    constexpr double kSkip = 1e-4;  // metres, past the vertex's own faces
-    const RayScene::Hit hit =
-        scene.Intersect(mesh.vertices[v] - kSkip * normals[v], -normals[v]);
-    thin[v] = hit.triangle >= 0 && hit.distance < kThin * body.stature;
+    thin[v] = body.topology.part[v] == BodyPart::kHead &&
+              thickness[v] < kThin * body.stature;
   }
   return thin;
 }
@@ -136,6 +139,7 @@ Eigen::SparseMatrix<double> SmoothnessMatrix(const Body& body,
 
 void AddTargets(const PoseEvidence& evidence,
                 const RimEvidence& rims,
+                const std::vector<PhotoPoint>& photo,
                 const PosedBody& posed,
                 double sigma,
                 OffsetSystem* system) {
@@ -161,6 +165,13 @@ void AddTargets(const PoseEvidence& evidence,
     add(pair.vertex,
         metre * pair.contour_normal.dot(pair.contour_pixel - pixel),
         pair.weight);
+  }
+  for (const PhotoPoint& point : photo) {
+    const int v = point.vertex;
+    const double target =
+        point.unit_normal.dot(point.point_in_world - posed.mesh.vertices[v]);
+    const double ratio = sigma / point.sigma;
+    add(v, target, evidence.photo->options().weight * ratio * ratio);
   }
   const double margin = 0.5 * evidence.volume->voxel_size();
   for (size_t v = 0; v < posed.mesh.vertices.size(); ++v) {
@@ -237,6 +248,16 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
   };
   double error = rim_error(*body);
   summary->figures["rim_error_start_mm"] = 1000 * error;
+  std::vector<std::vector<PhotoPoint>> photo(evidence.size());
+  size_t num_photo_points = 0;
+  for (size_t p = 0; p < evidence.size(); ++p) {
+    if (evidence[p].photo == nullptr) continue;
+    photo[p] = evidence[p].photo->Match(PoseForFit(*body, joints.poses[p].pose),
+                                        body->topology.quads,
+                                        kPhotoReach,
+                                        kPhotoStep);
+    num_photo_points += photo[p].size();
+  }
   int rounds = 0;
   for (; rounds < options.rounds; ++rounds) {
     OffsetSystem system(n);
@@ -248,7 +269,8 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
                                                  *evidence[p].views,
                                                  *evidence[p].contours,
                                                  15);
-      AddTargets(evidence[p], rims, posed, options.sigma_rim, &system);
+      AddTargets(
+          evidence[p], rims, photo[p], posed, options.sigma_rim, &system);
       if (p == 0) first = std::move(posed);
     }
     Body candidate = *body;
@@ -264,6 +286,7 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
     largest = std::max(largest, d.norm());
   }
   summary->figures["rounds"] = rounds;
+  summary->figures["photo_points"] = num_photo_points;
   summary->figures["rim_error_end_mm"] = 1000 * error;
   summary->figures["largest_displacement_mm"] = 1000 * largest;
   summary->status = "ok";

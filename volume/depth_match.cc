@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "volume/surface_labels.h"
 
@@ -27,10 +28,6 @@ constexpr double kMostSag = 1;
 constexpr double kBendReach = 0.85;
 // Taps are less dependent near the maximum than far from it.
 constexpr double kPrecision = 2;
-// Evidence of a sample, and how much it must exceed that of most depths.
-constexpr float kLeastEvidence = 1;
-constexpr float kLeastContrast = 0.7f;
-
 // Least of a parabola through three equidistant values, in steps from the
 // middle one.
 double SubStep(double before, double middle, double after) {
@@ -63,7 +60,7 @@ DepthMatches MatchDepths(const PatchMatcher& matcher,
   const double pixel = matcher.options().spacing;
   // A patch that the surface bends away from says nothing.
   const double half = 0.5 * (matcher.options().side - 1) * pixel;
-  std::vector<float> evidence(num_queries * num_labels, 0.f);
+  std::vector<float> evidence(num_queries * num_labels, kUnseen);
   std::vector<float> cost(evidence.size());
   std::vector<char> seen(num_queries, 0);
   tbb::parallel_for(
@@ -93,7 +90,7 @@ DepthMatches MatchDepths(const PatchMatcher& matcher,
             float& c = cost[i * num_labels + k];
             if (next < possible.size() && possible[next] == depths[k]) {
               e = found[next++];
-              c = -e;
+              c = -std::max(e, 0.f);
             } else {
               c = kForbidden;
             }
@@ -123,13 +120,19 @@ DepthMatches MatchDepths(const PatchMatcher& matcher,
     const float* b = &belief[i * num_labels];
     const float* e = &evidence[i * num_labels];
     const auto k = static_cast<size_t>(std::min_element(b, b + num_labels) - b);
-    if (k + 1 == num_labels || e[k] < kLeastEvidence) continue;
-    sorted.assign(e, e + num_labels);
+    if (k + 1 == num_labels || e[k] < search.least_evidence) continue;
+    // A maximum next to what cannot be judged is none.
+    if ((k > 0 && e[k - 1] < 0) || e[k + 1] < 0) continue;
+    // Depths that the pictures cannot judge are no contrast.
+    sorted.clear();
+    std::copy_if(e, e + num_labels, std::back_inserter(sorted), [](float x) {
+      return x >= 0;
+    });
     const auto middle =
-        sorted.begin() + static_cast<std::ptrdiff_t>(num_labels / 2);
+        sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
     std::nth_element(sorted.begin(), middle, sorted.end());
     const float contrast = e[k] - *middle;
-    if (contrast < kLeastContrast) continue;
+    if (contrast < search.least_contrast) continue;
     double depth = depths[k];
     if (k > 0) depth += search.step * SubStep(e[k - 1], e[k], e[k + 1]);
     // The likelihood as a normal distribution about its maximum: its precision
@@ -138,7 +141,9 @@ DepthMatches MatchDepths(const PatchMatcher& matcher,
     const size_t after = k + reach < num_labels ? k + reach : k - reach;
     const double width = search.step * static_cast<double>(reach);
     const double precision =
-        kPrecision * (2 * e[k] - e[before] - e[after]) / (width * width);
+        kPrecision *
+        (2 * e[k] - std::max(e[before], 0.f) - std::max(e[after], 0.f)) /
+        (width * width);
     if (!(precision > 0)) continue;
     result.matches.push_back({i, depth, std::min(precision, most_precise)});
   }

@@ -28,6 +28,10 @@ struct DepthSearch {
   // Log likelihood that a difference of one pixel between neighbours costs.
   double smoothness = 0.7;
   double sigma_match = 0.35;  // the most precise match, pixels
+  // Evidence of a match (log likelihood ratio), and how much it must exceed
+  // that of most depths.
+  double least_evidence = 1.5;
+  double least_contrast = 1.5;
 };
 
 struct DepthMatch {

@@ -169,6 +169,7 @@ PatchMatcher::PatchMatcher(const std::vector<View>& views,
   }
   tap_weight_ /= tap_weight_.sum();
   root_weight_ = tap_weight_.sqrt();
+  tap_spread_ = (tap_weight_ * tap_a_.square()).sum();
 }
 
 std::vector<int> PatchMatcher::VisibleViews(const RayScene& scene,
@@ -247,6 +248,12 @@ bool PatchMatcher::SamplePatch(const Picture& picture,
     values[t] = upper + fy * (lower - upper);
   }
   values -= (tap_weight_ * values).sum();
+  if (options_.remove_slope) {
+    // The taps are symmetric: the two slopes do not depend on each other.
+    const float slope_a = (tap_weight_ * tap_a_ * values).sum() / tap_spread_;
+    const float slope_b = (tap_weight_ * tap_b_ * values).sum() / tap_spread_;
+    values -= slope_a * tap_a_ + slope_b * tap_b_;
+  }
   const double variance = (tap_weight_ * values.square()).sum();
   values *= root_weight_ *
             static_cast<float>(
@@ -259,7 +266,7 @@ std::vector<float> PatchMatcher::Evidence(
     const Vector3d& point_in_world,
     const Vector3d& unit_normal,
     const std::vector<double>& depths) const {
-  std::vector<float> evidence(depths.size(), 0.f);
+  std::vector<float> evidence(depths.size(), kUnseen);
   if (views.size() < 2) return evidence;
   const Vector3d step_a = options_.spacing * unit_normal.unitOrthogonal();
   const Vector3d step_b = unit_normal.cross(step_a);

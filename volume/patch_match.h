@@ -16,7 +16,12 @@ struct PatchOptions {
   double min_facing = 0.35;   // cosine to the normal
   int max_views = 6;          // the most frontal ones
   double effective_taps = 8;  // as many are independent of each other
+  // Slopes of lightness do not count: shading, which agrees nearly anywhere.
+  bool remove_slope = false;
 };
+
+// Instead of evidence: the pictures cannot say. Evidence itself is >= 0.
+inline constexpr float kUnseen = -1;
 
 // What a pixel is wide at a place, metres: median of the views.
 double PixelSize(const std::vector<View>& views,
@@ -39,7 +44,7 @@ class PatchMatcher {
   // show unrelated patches", for the patches at point - depth * normal. From
   // the correlations r of all pairs of views, shrunk by the noise,
   //   (m - 1) / pairs * sum_pairs  -taps / 2 * ln(1 - max(r, 0)^2).
-  // Zeros when fewer than two views see it.
+  // kUnseen where fewer than two views see the whole patch.
   std::vector<float> Evidence(const std::vector<int>& views,
                               const Eigen::Vector3d& point_in_world,
                               const Eigen::Vector3d& unit_normal,
@@ -65,6 +70,7 @@ class PatchMatcher {
   std::vector<Picture> pictures_;
   // Places along the two directions of a patch, and weights: sum 1.
   Eigen::ArrayXf tap_a_, tap_b_, tap_weight_, root_weight_;
+  float tap_spread_ = 0;  // variance along one direction
 };
 
 }  // namespace sweepfit

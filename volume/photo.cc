@@ -33,6 +33,9 @@ constexpr double kCurvatureShare = 1;
 constexpr double kVisibleVoxels = 2;
 // Mean of the hull's depth below which the body lies, metres: exponential.
 constexpr double kMeanDepth = 0.01;
+// Far from the surface every hint counts, shading too.
+constexpr double kLeastEvidence = 1;
+constexpr double kLeastContrast = 0.7;
 
 // Depths below the current surface at equal steps.
 struct Depths {
@@ -184,6 +187,8 @@ std::vector<OffsetTarget> PhotoRefiner::FindMatches(
   search.mean_depth = from_hull ? kMeanDepth : 0;
   search.smoothness = options_.smoothness;
   search.sigma_match = options_.sigma_match;
+  search.least_evidence = kLeastEvidence;
+  search.least_contrast = kLeastContrast;
   const DepthMatches found =
       MatchDepths(matcher_, scene, queries, samples.edges, search);
   num_samples_ = static_cast<int>(queries.size());

@@ -64,7 +64,7 @@ struct PhotoOptions {
   double sigma_curvature = 20;  // of the surface, 1 / metres
   // Off where less than this share of the samples that two views see has
   // texture that they agree on.
-  double min_support = 0.6;
+  double min_support = 0.4;
   std::optional<std::string> Check() const;
 };
 

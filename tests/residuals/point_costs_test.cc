@@ -10,6 +10,7 @@
 #include "residuals/pose_point_cost.h"
 #include "residuals/radius_point_cost.h"
 #include "residuals/silhouette_rim.h"
+#include "residuals/surface_point.h"
 #include "tests/support/residual_checker.h"
 #include "tests/support/test_person.h"
 
@@ -198,6 +199,16 @@ TEST(RadiusPointCost, PassesTheCheckerWithEveryImageMeasurement) {
       shared);
   EXPECT_EQ(CheckDerivatives(match, at), "");
   EXPECT_GT(JacobianSize(match, at), 1);
+}
+
+TEST(SurfacePoint, CountsTheDistanceAlongTheNormal) {
+  const Vector3d normal = Vector3d(1, 2, 2) / 3;
+  const SurfacePoint surface(Vector3d(0.1, 1.2, 0.3), normal, 0.002);
+  const Vector3d tangent = normal.unitOrthogonal();
+  const Measured m =
+      surface(Vector3d(0.1, 1.2, 0.3) - 0.004 * normal + 0.05 * tangent);
+  EXPECT_NEAR(m.residual, -2, 1e-9);
+  EXPECT_TRUE(m.gradient.isApprox(normal / 0.002));
 }
 
 }  // namespace

@@ -3,6 +3,8 @@
 // Fits of small synthetic captures, of people the template does not know.
 #include <gtest/gtest.h>
 
+#include <array>
+
 #include "experiments/metrics.h"
 #include "experiments/synthetic.h"
 #include "model/gltf.h"
@@ -135,6 +137,34 @@ TEST(Fit, LocalModesRunSideBySide) {
     // Radii read off a hull inherit its bias, but not more than that.
     EXPECT_LT(CompareSurfaces(mesh, surface, 10000, 1).mean, 0.025) << mode;
   }
+}
+
+// The pictures see what the outlines do not.
+TEST(Fit, PhotographsBringTheSurfaceCloser) {
+  const TemporaryFolder folder;
+  SyntheticOptions synthetic = SmallCapture();
+  synthetic.width = synthetic.height = 700;
+  const Capture capture =
+      WriteSyntheticCapture(folder.path() / "capture", synthetic, nullptr);
+  const TriangleMesh surface =
+      LoadPly((capture.folder / "truth" / "A" / "surface.ply").string());
+  std::array<double, 2> error{};
+  for (const bool enabled : {false, true}) {
+    FitOptions options;
+    options.photo.enabled = enabled;
+    options.until = "refine";
+    const FitResult result =
+        Fit(capture, {"A"}, CameraIds(capture), options, nullptr);
+    TriangleMesh mesh;
+    mesh.vertices = result.poses[0].vertices_in_world;
+    mesh.triangles =
+        TriangulateQuads(result.body.topology.quads, mesh.vertices);
+    error[enabled] = CompareSurfaces(mesh, surface, 10000, 1).mean +
+                     CompareSurfaces(surface, mesh, 10000, 1).mean;
+  }
+  RecordProperty("outlines_um", static_cast<int>(5e5 * error[0]));
+  RecordProperty("photographs_um", static_cast<int>(5e5 * error[1]));
+  EXPECT_LT(error[1], 0.8 * error[0]);
 }
 
 TEST(Fit, StartsFromAnImportedTemplate) {

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "solver/photo_evidence.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "capture/render.h"
+#include "solver/surface_thickness.h"
+#include "volume/depth_match.h"
+
+namespace sweepfit {
+
+std::optional<std::string> PhotoEvidenceOptions::Check() const {
+  if (!(sigma > 0)) return "photo.sigma must be positive";
+  if (!(weight > 0)) return "photo.weight must be positive";
+  return std::nullopt;
+}
+
+struct PhotoEvidence::Impl {
+  const Volume* hull;
+  PhotoEvidenceOptions options;
+  PatchMatcher matcher;
+};
+
+PhotoEvidence::PhotoEvidence(const std::vector<View>& views,
+                             const Volume& hull,
+                             const PhotoEvidenceOptions& options) {
+  PatchOptions patch;
+  patch.spacing = PixelSize(views, 0.5 * (hull.BoxMin() + hull.BoxMax()));
+  patch.remove_slope = true;
+  impl_ =
+      std::make_unique<Impl>(Impl{&hull, options, PatchMatcher(views, patch)});
+}
+
+PhotoEvidence::~PhotoEvidence() = default;
+PhotoEvidence::PhotoEvidence(PhotoEvidence&&) noexcept = default;
+
+const PhotoEvidenceOptions& PhotoEvidence::options() const {
+  return impl_->options;
+}
+
+std::vector<PhotoPoint> PhotoEvidence::Match(const PosedBody& posed,
+                                             const std::vector<Quad>& quads,
+                                             double reach,
+                                             double step_pixels) const {
+  const std::vector<Eigen::Vector3d>& vertices = posed.mesh.vertices;
+  const RayScene scene(posed.mesh);
+  const std::vector<double> thickness =
+      SurfaceThickness(scene, vertices, posed.normals);
+  std::vector<DepthQuery> queries(vertices.size());
+  for (size_t v = 0; v < vertices.size(); ++v) {
+    // The hull's own surface lies between its voxels.
+    const double outside =
+        impl_->hull->Sample(vertices[v]) - 0.5 * impl_->hull->voxel_size();
+    queries[v] = {vertices[v], posed.normals[v], thickness[v], outside};
+  }
+  std::vector<std::pair<int, int>> edges;
+  for (const Quad& quad : quads) {
+    for (int k = 0; k < 4; ++k) {
+      const auto [a, b] = std::minmax(quad[k], quad[(k + 1) % 4]);
+      if (a != b) edges.emplace_back(a, b);
+    }
+  }
+  std::sort(edges.begin(), edges.end());
+  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
+
+  DepthSearch search;
+  search.step = step_pixels * impl_->matcher.options().spacing;
+  const double steps = std::max(2.0, std::ceil(reach / search.step));
+  search.from = -steps * search.step;
+  search.to = steps * search.step;
+  const DepthMatches found =
+      MatchDepths(impl_->matcher, scene, queries, edges, search);
+  std::vector<PhotoPoint> points;
+  for (const DepthMatch& match : found.matches) {
+    const DepthQuery& query = queries[match.query];
+    points.push_back(
+        {match.query,
+         query.point_in_world - match.depth * query.unit_normal,
+         query.unit_normal,
+         std::max(impl_->options.sigma, 1 / std::sqrt(match.weight))});
+  }
+  return points;
+}
+
+}  // namespace sweepfit
