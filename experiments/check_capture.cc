@@ -362,7 +362,9 @@ void Check::MeasurePerson() {
     try {
       const PersonHeight person = MeasurePersonHeight(views);
       constexpr double kShortest = 0.5, kTallest = 2.5;
-      if (person.height < kShortest || person.height > kTallest) {
+      // Who lies is not short.
+      if (std::max(person.height, person.width) < kShortest ||
+          person.height > kTallest) {
         check_.failures.push_back(
             Format("the person is %.3g m tall, and people are 0.5 to 2.5 m: "
                    "correct 'units' or the scale of the calibration",

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "model/input_error.h"
+#include "volume/floor_level.h"
 #include "volume/silhouette_cones.h"
 #include "volume/volume.h"
 
@@ -49,10 +50,12 @@ PersonHeight MeasurePersonHeight(std::vector<View> views) {
   const double scale = kUsual / extents[extents.size() / 2];
   for (View& view : views) view.camera.world_in_camera *= scale;
   const Volume hull = BuildVisualHull(views, HullOptions(), nullptr, nullptr);
-  const Eigen::Vector3d low = hull.BoxMin();
+  Eigen::Vector3d low = hull.BoxMin();
   const Eigen::Vector3d high = hull.BoxMax();
+  low.y() = FindFloor(views, hull);
   PersonHeight result;
   result.height = (high.y() - low.y()) / scale;
+  result.width = std::max(high.x() - low.x(), high.z() - low.z()) / scale;
   result.floor = low.y() / scale;
   result.center_xz = {0.5 * (low.x() + high.x()) / scale,
                       0.5 * (low.z() + high.z()) / scale};

@@ -60,11 +60,12 @@ double Encode(double v) {
 }
 
 struct Scene {
-  bool green = false;   // a key screen instead of a tiled room
-  unsigned room = 1;    // which room
-  double exposure = 1;  // of the picture against the plate, linear light
-  double noise = 2;     // grey levels
-  double shadow = 0.5;  // loss of light at the darkest place
+  bool green = false;      // a key screen instead of a tiled room
+  unsigned room = 1;       // which room
+  double exposure = 1;     // of the picture against the plate, linear light
+  double noise = 2;        // grey levels
+  double shadow = 0.5;     // loss of light at the darkest place
+  double hard_shadow = 0;  // the same between and below the legs, sharp
   bool person = true;
 };
 
@@ -113,7 +114,10 @@ cv::Mat3b Render(const Scene& scene, unsigned seed) {
       const cv::Vec3d person = PersonColour(x, y);
       const double alpha = scene.person ? coverage(y, x) : 0.0;
       for (int c = 0; c < 3; ++c) {
-        const double back = background[c] * (1 - shadow);
+        double back = background[c] * (1 - shadow);
+        if (scene.person && std::abs(x - 121) < 35 && y > 160 && y < 225) {
+          back *= 1 - scene.hard_shadow;
+        }
         double front = person[c];
         if (scene.green && c == 1) front += 0.02;  // spill
         const double light =
@@ -226,6 +230,18 @@ TEST_F(SegmentTest, ChromaKeyWithSpillAlone) {
   for (const View& view : Run()) ExpectGood(view);
 }
 
+// As under a chair: no soft edge says that it is a shadow, only its colour.
+TEST_F(SegmentTest, HardShadowOnAColouredFloor) {
+  AddCamera("light", {.green = true, .shadow = 0, .hard_shadow = 0.4});
+  AddCamera("dark", {.green = true, .shadow = 0, .hard_shadow = 0.5});
+  options_.mode = "plate";
+  for (const View& view : Run()) {
+    ExpectGood(view);
+    EXPECT_LT(view.coverage(190, 121), 0.1) << view.camera.id;
+    EXPECT_LT(view.coverage(220, 121), 0.1) << view.camera.id;
+  }
+}
+
 TEST_F(SegmentTest, LeavesOutTheCameraWithAnotherPlate) {
   AddCamera("good", {});
   AddCamera("swapped", {.room = 2});
@@ -237,7 +253,8 @@ TEST_F(SegmentTest, LeavesOutTheCameraWithAnotherPlate) {
   EXPECT_EQ(views[1].camera.id, "fine");
   ASSERT_EQ(summary_.warnings.size(), 1u);
   EXPECT_THAT(summary_.warnings[0], HasSubstr("camera swapped"));
-  EXPECT_THAT(summary_.warnings[0], HasSubstr("is it the plate of this camera"));
+  EXPECT_THAT(summary_.warnings[0],
+              HasSubstr("is it the plate of this camera"));
   EXPECT_EQ(summary_.status, "weak");
 }
 

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -11,6 +13,7 @@
 #include "model/input_error.h"
 #include "tests/volume/capsule_person.h"
 #include "volume/coverage.h"
+#include "volume/floor_level.h"
 #include "volume/volume.h"
 
 namespace sweepfit {
@@ -122,6 +125,39 @@ TEST(HullTest, CameraAbstainsOutsideItsFrame) {
   const Volume volume = Hull(views);
   EXPECT_LT(volume.BoxMin().y(), 0.02);
   EXPECT_GT(volume.BoxMax().y(), 1.68);
+}
+
+// Seen from above the hull goes on below the feet.
+TEST(FloorTest, LiesUnderTheFeetAndNotUnderTheHull) {
+  std::vector<Capsule> person = {{{0, 0.9, 0}, {0, 1.5, 0}, 0.15}};
+  for (const double x : {-0.13, 0.13}) {
+    person.push_back({{x, 0.1, 0}, {x, 0.9, 0}, 0.07});
+    person.push_back({{x, 0.04, -0.05}, {x, 0.04, 0.2}, 0.04});
+  }
+  std::vector<View> views;
+  for (int i = 0; i < 8; ++i) {
+    const double azimuth = 0.785 * i;
+    views.push_back(RenderCapsules(
+        testing::LookAt("cam" + std::to_string(i),
+                        {3 * std::sin(azimuth), 1.8, 3 * std::cos(azimuth)},
+                        {0, 0.85, 0},
+                        2 * kSize,
+                        2 * kSize),
+        person));
+  }
+  const Volume hull = Hull(views);
+  EXPECT_LT(hull.BoxMin().y(), -0.005);
+  const double pixel = 3.2 / views[0].camera.FocalLength();
+  EXPECT_GT(FindFloor(views, hull), -0.5 * pixel);
+  // A ray a pixel within the edge enters a round sole well above the floor.
+  EXPECT_LT(FindFloor(views, hull), 5 * pixel);
+  // The frame cuts the shins: it needs all that it sees.
+  for (View& view : views) {
+    const int row = static_cast<int>(view.camera.Project({0, 0.25, 0}).y());
+    view.signed_distance = view.signed_distance.rowRange(0, row).clone();
+    view.camera.height = row;
+  }
+  EXPECT_LT(FindFloor(views, Hull(views)), 0.3);
 }
 
 TEST(HullTest, CoherentSilhouettesAreCovered) {
