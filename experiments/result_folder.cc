@@ -2,6 +2,7 @@
 #include "experiments/result_folder.h"
 
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <chrono>
@@ -102,8 +103,6 @@ class Writer {
   Json Write() {
     const auto start = std::chrono::steady_clock::now();
     WriteText(folder_ / "fit.yaml", FitConfigToYaml(input_.config));
-    WriteSilhouettes();
-    if (RunsStage(options_, "volume")) WriteVolumes();
     if (RunsStage(options_, "landmarks")) {
       WriteText(folder_ / "landmarks.json",
                 Dump(LandmarksToJson(result_.poses)));
@@ -114,12 +113,20 @@ class Writer {
       WriteText(folder_ / "joints.json", Dump(joints));
       WritePosesBvh();
     }
-    if (has_mesh_) {
-      WriteBody();
-      WriteRenders();
-    }
-    if (result_.texture) WriteTexture();
-    if (result_.skin) WriteModel();
+    tbb::parallel_invoke(
+        [this] {
+          if (result_.texture) WriteTexture();
+          if (result_.skin) WriteModel();
+        },
+        [this] {
+          if (RunsStage(options_, "volume")) WriteVolumes();
+        },
+        [this] {
+          if (!has_mesh_) return;
+          WriteBody();
+          WriteRenders();
+        },
+        [this] { WriteSilhouettes(); });
     const Json report = Report(SecondsSince(start));
     WriteText(folder_ / "report.html", ReportHtml(report, joints, pictures_));
     WriteText(folder_ / kReportFile, Dump(report));
@@ -258,8 +265,11 @@ class Writer {
     pictures_.renders.push_back({path, name});
   }
 
+  // Encoded once, for the model too.
   void WriteTexture() {
-    WritePicture(folder_ / "texture.png", result_.texture->atlas);
+    cv::imencode(".png", result_.texture->atlas, texture_png_);
+    WriteText(folder_ / "texture.png",
+              std::string(texture_png_.begin(), texture_png_.end()));
     pictures_.texture = "texture.png";
   }
 
@@ -277,9 +287,7 @@ class Writer {
       clips.push_back({pose.name, {0.0}, {pose.pose}});
     }
     GltfOptions options;
-    if (result_.texture) {
-      cv::imencode(".png", result_.texture->atlas, options.texture_png);
-    }
+    options.texture_png = texture_png_;
     options.names = options_.exported.names;
     options.correctives = options_.exported.correctives;
     clip_reports_ = SaveGlb(result_.body,
@@ -405,6 +413,7 @@ class Writer {
   std::vector<ClipReport> clip_reports_;
   std::vector<TriangleMesh> meshes_;  // per pose
   std::vector<ViewJob> jobs_;
+  std::vector<unsigned char> texture_png_;
   ReportPictures pictures_;
 };
 

@@ -288,8 +288,8 @@ nlohmann::ordered_json SolveRadii(
   solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   solver.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
   solver.num_threads = 1;
-  solver.max_num_iterations = 8;
-  solver.function_tolerance = 1e-4;
+  solver.max_num_iterations = 6;
+  solver.function_tolerance = 5e-4;
   solver.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &problem, &summary);

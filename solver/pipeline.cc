@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "solver/pipeline.h"
 
+#include <tbb/parallel_invoke.h>
+
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -320,33 +322,42 @@ FitResult FitObserved(
   StorePoses(joints, &result);
   if (until < FindFitStage("texture")) return result;
 
-  RunStage(
-      "texture",
-      "",
-      [&](StageSummary* summary) {
-        std::vector<std::vector<Eigen::Vector3d>> vertices;
-        std::vector<std::vector<View>> views;
-        for (const PoseResult& pose : result.poses) {
-          vertices.push_back(pose.vertices_in_world);
-          views.push_back(pose.seen->views);
-        }
-        result.texture = SolveTexture(
-            result.body, vertices, views, options.texture, progress, summary);
-      },
-      progress,
-      &result.stages);
-  if (until < FindFitStage("export")) return result;
-  RunStage(
-      "skin",
-      "",
-      [&](StageSummary* summary) {
-        result.skin = FitSkinWeights(result.body, kSkinPoses, kSkinSeed);
-        summary->figures["rms_mm"] = 1000 * result.skin->rms;
-        summary->figures["max_mm"] = 1000 * result.skin->max;
-        summary->status = "ok";
-      },
-      progress,
-      &result.stages);
+  const auto solve_texture = [&] {
+    RunStage(
+        "texture",
+        "",
+        [&](StageSummary* summary) {
+          std::vector<std::vector<Eigen::Vector3d>> vertices;
+          std::vector<std::vector<View>> views;
+          for (const PoseResult& pose : result.poses) {
+            vertices.push_back(pose.vertices_in_world);
+            views.push_back(pose.seen->views);
+          }
+          result.texture = SolveTexture(
+              result.body, vertices, views, options.texture, progress, summary);
+        },
+        progress,
+        &result.stages);
+  };
+  std::vector<StageSummary> skin_stages;
+  const auto fit_skin = [&] {
+    if (until < FindFitStage("export")) return;
+    RunStage(
+        "skin",
+        "",
+        [&](StageSummary* summary) {
+          result.skin = FitSkinWeights(result.body, kSkinPoses, kSkinSeed);
+          summary->figures["rms_mm"] = 1000 * result.skin->rms;
+          summary->figures["max_mm"] = 1000 * result.skin->max;
+          summary->status = "ok";
+        },
+        nullptr,
+        &skin_stages);
+  };
+  // Neither needs the other.
+  tbb::parallel_invoke(solve_texture, fit_skin);
+  result.stages.insert(
+      result.stages.end(), skin_stages.begin(), skin_stages.end());
   return result;
 }
 

@@ -34,6 +34,29 @@ Camera ScaledPinhole(const Camera& camera, double scale) {
   return scaled;
 }
 
+// The part of a pinhole view that shows the mesh, with a margin.
+Camera CropToMesh(const Camera& pinhole, const TriangleMesh& mesh) {
+  constexpr double kMargin = 4;  // pixels
+  Vector2d low(pinhole.width, pinhole.height), high(0, 0);
+  for (const Vector3d& x : mesh.vertices) {
+    // What is beside or behind the camera may show anywhere.
+    if (pinhole.PointInCamera(x).z() < 0.1) return pinhole;
+    const Vector2d pixel = pinhole.ProjectPinhole(x);
+    low = low.cwiseMin(pixel);
+    high = high.cwiseMax(pixel);
+  }
+  low = (low.array() - kMargin).floor().max(0);
+  high = (high.array() + kMargin)
+             .ceil()
+             .min(Eigen::Array2d(pinhole.width, pinhole.height));
+  if (!((high - low).minCoeff() >= 1)) return pinhole;
+  Camera cropped = pinhole;
+  cropped.width = static_cast<int>(high.x() - low.x());
+  cropped.height = static_cast<int>(high.y() - low.y());
+  cropped.K.topRightCorner<2, 1>() -= low;
+  return cropped;
+}
+
 // Unsigned distance in scaled pixels to the outline of the drawn body.
 struct Outline {
   cv::Mat1f distance;
@@ -87,7 +110,8 @@ std::vector<RimPoint> FindRim(const PosedBody& body,
                               const std::vector<Quad>& quads,
                               const View& view,
                               int view_index) {
-  const Camera scaled = ScaledPinhole(view.camera, kOutlineScale);
+  const Camera scaled =
+      CropToMesh(ScaledPinhole(view.camera, kOutlineScale), body.mesh);
   const Outline outline = DrawOutline(scaled, body.mesh);
   const cv::Rect frame(1, 1, scaled.width - 2, scaled.height - 2);
   std::vector<RimPoint> rim;
