@@ -35,6 +35,7 @@ struct AnimateArguments {
   RetargetOptions options;
   PreviewOptions preview_options;
   GltfOptions gltf;
+  bool with_helpers = true;
 };
 
 // Metres per unit of a BVH file; 0: by the legs.
@@ -97,15 +98,15 @@ void RunAnimate(const AnimateArguments& arguments) {
   for (const std::string& note : retargeted.notes) progress->Warning(note);
 
   progress->Stage("skin", "");
-  constexpr int kSkinPoses = 80;
-  constexpr unsigned kSkinSeed = 1;
-  const SkinFit skin = FitSkinWeights(body, kSkinPoses, kSkinSeed);
+  const SkinFit skin =
+      FitSkinWeights(body, kSkinPoses, kSkinSeed, arguments.with_helpers);
 
   progress->Stage("write", "");
   const Clip clip = {fs::path(arguments.bvh).stem().string(),
                      retargeted.time,
                      retargeted.poses};
-  SaveGlb(body, skin.weights, {clip}, gltf, arguments.out);
+  const std::vector<ClipReport> reports =
+      SaveGlb(body, skin.weights, {clip}, gltf, arguments.out);
   if (!arguments.bvh_out.empty()) {
     SaveBvh(
         BvhFromPoses(body.skeleton, retargeted.poses, retargeted.frame_time),
@@ -137,6 +138,23 @@ void RunAnimate(const AnimateArguments& arguments) {
   std::printf("feet: stand %.0f %% of the time and slide at most %.1f mm\n",
               100 * retargeted.standing_share,
               1000 * retargeted.longest_slide);
+  for (const ClipReport& report : reports) {
+    std::printf(
+        "clip against the sweeps: rms %.1f, at most %.1f mm (%d morph targets; "
+        "%.1f, %.1f mm without)\n",
+        1000 * report.rms,
+        1000 * report.max,
+        report.num_targets,
+        1000 * report.rms_without,
+        1000 * report.max_without);
+  }
+  if (reports.empty()) {
+    std::printf(
+        "skinning against the sweeps over the joint limits: rms %.1f, at most "
+        "%.1f mm\n",
+        1000 * skin.rms,
+        1000 * skin.max);
+  }
   std::printf("clip: %s\n", arguments.out.c_str());
   if (!sheet.empty()) {
     std::printf("preview: %s, %s\n", arguments.preview.c_str(), sheet.c_str());
@@ -196,6 +214,10 @@ void AddAnimateVerb(CLI::App* command, std::function<void()>* run) {
                  arguments->gltf.correctives,
                  "No morph targets, for programs that do not know them: bent "
                  "joints then differ from the sweeps by millimetres");
+  verb->add_flag("!--no-helpers",
+                 arguments->with_helpers,
+                 "Skin with the 21 joints alone, for programs that play other "
+                 "clips on the body");
   AddCommonArguments(verb, &arguments->common);
   verb->footer(
       "Example: sweepfit animate results/anna --bvh walk.bvh --out walk.glb "

@@ -37,14 +37,12 @@ void WritePicture(const fs::path& path, const cv::Mat3b& picture) {
 }
 
 void WriteModel(const Body& body, const fs::path& path) {
-  constexpr int kPoses = 60;
-  constexpr unsigned kSeed = 1;
   Pose rest;
   for (const Eigen::Vector3d& vertex : RestVertices(body)) {
     rest.root_in_world.y() = std::max(rest.root_in_world.y(), -vertex.y());
   }
   SaveGlb(body,
-          FitSkinWeights(body, kPoses, kSeed).weights,
+          FitSkinWeights(body, kSkinPoses, kSkinSeed).weights,
           {{"rest", {0.0}, {rest}}},
           {},
           path.string());

@@ -244,10 +244,12 @@ std::vector<Eigen::Vector3d> RestVertices(const Body& body) {
 constexpr double kLinearShare = 0.4;
 
 // The skull is rigid, but its joint lies between the ears: face and occiput
-// would bend with the sections of the neck below it. Within this distance of
-// the neck, a share of stature, head vertices pass from the section they are
-// bound to over to the rigid end of the sweep.
-constexpr double kSkullTransition = 0.025;
+// would bend with the sections of the neck below it. From a little below the
+// border between trunk and head to a little above it, shares of stature,
+// vertices pass from the section they are bound to over to the rigid end of the
+// sweep.
+constexpr double kSkullBelowBorder = 0.04;
+constexpr double kSkullAboveBorder = 0.025;
 
 // Per vertex how far it belongs to the skull, 0 to 1.
 std::vector<double> SkullShare(const Body& body,
@@ -267,25 +269,26 @@ std::vector<double> SkullShare(const Body& body,
   std::sort(border.begin(), border.end());
   border.erase(std::unique(border.begin(), border.end()), border.end());
   if (border.empty()) return share;
+  const double below = kSkullBelowBorder * body.stature;
+  const double above = kSkullAboveBorder * body.stature;
   for (std::size_t v = 0; v < rest.size(); ++v) {
-    if (part[v] != BodyPart::kHead) continue;
+    const bool is_head = part[v] == BodyPart::kHead;
+    if (!is_head && part[v] != BodyPart::kTrunk) continue;
     double nearest = 1e9;
     for (const int b : border) {
       nearest = std::min(nearest, (rest[v] - rest[b]).squaredNorm());
     }
-    const double t =
-        std::min(1.0, std::sqrt(nearest) / (kSkullTransition * body.stature));
+    const double height = (is_head ? 1 : -1) * std::sqrt(nearest);
+    const double t = std::clamp((height + below) / (below + above), 0.0, 1.0);
     share[v] = t * t * (3 - 2 * t);
   }
   return share;
 }
 
-// Where on its sweep a vertex is moved.
-double MotionParameter(const Sweep& sweep, double u, double skull_share) {
-  if (skull_share == 0 || sweep.chain.back() != kHeadEnd) return u;
-  // Beyond the rounded corner of the last bone.
-  const double rigid = std::max(u, sweep.num_bones() - 0.5);
-  return u + skull_share * (rigid - u);
+// Where sections of a sweep that ends in the head are the skull's: beyond the
+// rounded corner of the last bone.
+double SkullParameter(const Sweep& sweep, double u) {
+  return std::max(u, sweep.num_bones() - 0.5);
 }
 
 struct BodyDeformer::Impl {
@@ -306,28 +309,37 @@ struct BodyDeformer::Impl {
       first[v] = static_cast<int>(attached.size());
       for (const SweepAttachment& a : body.binding[v].attachment) {
         if (a.sweep < 0) break;
-        Attached at;
-        at.sweep = a.sweep;
-        at.weight = a.weight;
-        at.u = MotionParameter(body.sweeps[a.sweep], a.u, skull[v]);
-        at.offset = CenterOffset(body.sweeps[a.sweep], at.u);
-        const SectionFrame section = rest_axes[a.sweep].OnAxis(at.u);
-        at.world_from_section_at_rest = section.world_from_section;
-        at.point_in_section = section.world_from_section.transpose() *
-                              (rest_vertices[v] - section.center_in_world);
-        at.rest_change = zones[a.sweep].RestChange(
-            at.u,
-            section.world_from_section,
-            at.offset,
-            at.point_in_section.head<2>() - at.offset);
-        attached.push_back(at);
+        const Sweep& sweep = body.sweeps[a.sweep];
+        const double share = sweep.chain.back() == kHeadEnd ? skull[v] : 0;
+        if (share < 1) AddAttached(v, a.sweep, (1 - share) * a.weight, a.u);
+        if (share > 0) {
+          AddAttached(v, a.sweep, share * a.weight, SkullParameter(sweep, a.u));
+        }
       }
     }
     first[body.num_vertices()] = static_cast<int>(attached.size());
     unfolder.emplace(body.topology.quads, rest_vertices);
   }
 
-  // A vertex on one of its sweeps.
+  void AddAttached(int v, int sweep, double weight, double u) {
+    Attached at;
+    at.sweep = sweep;
+    at.weight = weight;
+    at.u = u;
+    at.offset = CenterOffset(body.sweeps[sweep], u);
+    const SectionFrame section = rest_axes[sweep].OnAxis(u);
+    at.world_from_section_at_rest = section.world_from_section;
+    at.point_in_section = section.world_from_section.transpose() *
+                          (rest_vertices[v] - section.center_in_world);
+    at.rest_change =
+        zones[sweep].RestChange(u,
+                                section.world_from_section,
+                                at.offset,
+                                at.point_in_section.head<2>() - at.offset);
+    attached.push_back(at);
+  }
+
+  // A vertex on a section that moves it.
   struct Attached {
     int sweep;
     double weight;

@@ -124,12 +124,12 @@ class Buffer {
   std::vector<unsigned char> bytes_;
 };
 
-// The name of a helper beside that of the joint it hangs on.
+// The name of a helper beside that of its joint.
 std::string HelperName(const HelperJoint& helper,
                        const std::array<std::string, kNumJoints>& names) {
-  const std::string own(kJointNames[helper.parent]);
+  const std::string own(kJointNames[helper.joint]);
   CHECK(helper.name.starts_with(own)) << helper.name;
-  return names[helper.parent] + helper.name.substr(own.size());
+  return names[helper.joint] + helper.name.substr(own.size());
 }
 
 // The joints become nodes 0 to 20 in skeleton order, unrotated at rest, and

@@ -3,8 +3,12 @@
 
 #include <glog/logging.h>
 
+#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+
+#include "model/joint_limits.h"
 
 namespace sweepfit {
 namespace {
@@ -37,17 +41,155 @@ std::pair<int, double> FindJointOnSweep(const Body& body, int joint) {
   return {-1, 0};
 }
 
+double MeanRadius(const Sweep& sweep, double u) {
+  constexpr int kNum = 24;
+  double sum = 0;
+  for (int i = 0; i < kNum; ++i) {
+    sum += Radius(sweep, u, 2 * std::numbers::pi * i / kNum);
+  }
+  return sum / kNum;
+}
+
+// A piece of skin near joint k of a chain: so far from the joint along the
+// bones in radii of the limb there, on one side of it.
+struct SkinPatch {
+  const char* suffix;
+  double begin;  // negative: before the joint
+  double end;
+  Eigen::Vector3d side;
+};
+constexpr double kPatchHalfWidth = 0.8;  // radians around the limb
+// The vertices of a patch belong to the sweep by at least this weight.
+constexpr double kMinPatchWeight = 0.4;
+
+std::vector<int> FindSkin(const Body& body,
+                          const std::vector<Eigen::Vector3d>& rest_vertices,
+                          const SweepAxis& rest_axis,
+                          int sweep_index,
+                          int k,
+                          const SkinPatch& patch) {
+  const Sweep& sweep = body.sweeps[sweep_index];
+  const double radius = MeanRadius(sweep, k);
+  std::vector<int> skin;
+  for (int v = 0; v < body.num_vertices(); ++v) {
+    for (const SweepAttachment& a : body.binding[v].attachment) {
+      if (a.sweep != sweep_index || a.weight < kMinPatchWeight) continue;
+      const int bone = a.u < k ? k - 1 : k;
+      if (bone < 0) continue;
+      const double distance =
+          (a.u - k) * body.skeleton.length[sweep.chain[bone + 1]] / radius;
+      if (distance < patch.begin || distance > patch.end) continue;
+      const SectionFrame section = rest_axis.OnAxis(a.u);
+      const Eigen::Vector3d tangent = section.world_from_section.col(2);
+      const auto across = [&tangent](const Eigen::Vector3d& direction) {
+        return (direction - direction.dot(tangent) * tangent).normalized();
+      };
+      const Eigen::Vector3d out =
+          across(rest_vertices[v] - section.center_in_world);
+      if (out.dot(across(patch.side)) > std::cos(kPatchHalfWidth)) {
+        skin.push_back(v);
+      }
+      break;
+    }
+  }
+  return skin;
+}
+
+// The chain folds over itself at joint k: not at its start, the neck or the
+// head, or where its rigid end begins.
+bool FoldsAt(const Sweep& sweep, int k) {
+  if (sweep.chain.front() == kRoot) return sweep.chain[k] == kSpine;
+  return k > 0 && k + (sweep.rigid_end ? 1 : 0) < sweep.num_bones();
+}
+
+// Where skin moves as no section does: it is pressed back where a limb folds
+// over itself, the further from the joint the deeper the fold; drawn over the
+// tip of a bend; and stretched where a limb leaves the trunk.
+std::vector<SkinPatch> PatchesAtJoint(const Sweep& sweep,
+                                      int k,
+                                      const JointLimit& limit) {
+  const Eigen::Vector3d& inner = limit.towards;
+  const bool is_limb = sweep.chain.front() != kRoot && sweep.num_bones() > 1;
+  if (is_limb && k == 0) {
+    const bool is_left = MirrorJoint(sweep.chain[0]) > sweep.chain[0];
+    const Eigen::Vector3d medial(is_left ? -1 : 1, 0, 0);
+    return {{"_fold_after", 0.2, 1.1, inner},
+            {"_pit", 0.9, 2.0, medial},
+            {"_rear", 0.2, 1.4, -inner}};
+  }
+  if (!FoldsAt(sweep, k)) return {};
+  if (!is_limb) {
+    return {{"_fold_before", -1.1, -0.2, inner},
+            {"_fold_after", 0.2, 1.1, inner}};
+  }
+  return {{"_fold_before_far", -2.4, -1.3, inner},
+          {"_fold_before", -1.1, -0.2, inner},
+          {"_fold_after", 0.2, 1.1, inner},
+          {"_fold_after_far", 1.3, 2.4, inner},
+          {"_tip", -0.4, 0.4, -inner}};
+}
+
+// The rigid motion that carries points nearest to others (Kabsch 1976, Umeyama
+// 1991).
+RigidMotion NearestMotion(const std::vector<int>& vertices,
+                          const std::vector<Eigen::Vector3d>& from,
+                          const std::vector<Eigen::Vector3d>& to) {
+  Eigen::Vector3d from_mean(0, 0, 0), to_mean(0, 0, 0);
+  for (const int v : vertices) {
+    from_mean += from[v];
+    to_mean += to[v];
+  }
+  from_mean /= static_cast<double>(vertices.size());
+  to_mean /= static_cast<double>(vertices.size());
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  for (const int v : vertices) {
+    covariance += (to[v] - to_mean) * (from[v] - from_mean).transpose();
+  }
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(
+      covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Vector3d sign(1, 1, 1);
+  sign.z() = (svd.matrixU() * svd.matrixV().transpose()).determinant();
+  const Eigen::Matrix3d rotation =
+      svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
+  return {rotation, to_mean - rotation * from_mean};
+}
+
 }  // namespace
 
 std::vector<HelperJoint> MakeHelperJoints(const Body& body) {
   const JointFrames rest = RestFrames(body.skeleton);
   const std::vector<SweepAxis> axes = MakeAxes(body, rest);
+  const std::vector<Eigen::Vector3d> rest_vertices = RestVertices(body);
+  const JointLimits limits(body.skeleton);
   std::vector<HelperJoint> helpers;
+  const auto add_patch = [&](int s, int k, const SkinPatch& patch) {
+    const Sweep& sweep = body.sweeps[s];
+    const int joint = sweep.chain[k];
+    HelperJoint helper;
+    helper.skin = FindSkin(body, rest_vertices, axes[s], s, k, patch);
+    // Three points hold a motion; a few more make it a patch.
+    constexpr std::size_t kFewest = 12;
+    if (helper.skin.size() < kFewest) return;
+    helper.name = std::string(kJointNames[joint]) + patch.suffix;
+    const double middle = (patch.begin + patch.end) / 2;
+    const bool is_before = middle < 0;
+    helper.joint = joint;
+    helper.parent = is_before ? kJointParents[joint] : joint;
+    for (const int v : helper.skin) helper.joint_in_rest += rest_vertices[v];
+    helper.joint_in_rest /= static_cast<double>(helper.skin.size());
+    const int bone_end = sweep.chain[is_before ? k : k + 1];
+    helper.sources = {
+        {s,
+         k + middle * MeanRadius(sweep, k) / body.skeleton.length[bone_end],
+         1}};
+    helpers.push_back(std::move(helper));
+  };
   const auto add = [&](int joint,
                        const char* suffix,
                        std::vector<HelperJoint::Source> sources) {
     HelperJoint helper;
     helper.name = std::string(kJointNames[joint]) + suffix;
+    helper.joint = joint;
     helper.parent = joint;
     const HelperJoint::Source& at = sources.back();
     helper.joint_in_rest = axes[at.sweep].OnAxis(at.u).center_in_world;
@@ -72,8 +214,23 @@ std::vector<HelperJoint> MakeHelperJoints(const Body& body) {
     }
     for (int k = 0; k < sweep.num_bones(); ++k) {
       const int joint = sweep.chain[k];
-      if (k > 0) add(joint, "_half", {{s, static_cast<double>(k), 1}});
-      // The last bone of a limb is rigid; short bones need no middle.
+      if (FoldsAt(sweep, k)) {
+        const SweepAxis::Corner& corner = axes[s].corner(k - 1);
+        add(joint, "_bend_before", {{s, k - corner.range_before / 3, 1}});
+        helpers.back().parent = kJointParents[joint];
+        add(joint, "_bend_after", {{s, k + corner.range_after / 3, 1}});
+      } else if (k > 0) {
+        add(joint, "_half", {{s, static_cast<double>(k), 1}});
+      }
+      if (limits.limit(joint)) {
+        for (const SkinPatch& patch :
+             PatchesAtJoint(sweep, k, *limits.limit(joint))) {
+          add_patch(s, k, patch);
+        }
+      }
+      // The last bone of a limb is rigid; short bones need no middle; that of
+      // the pelvis moves with the root.
+      if (joint == kRoot) continue;
       const bool is_last = k + 1 == sweep.num_bones();
       if (is_last && (sweep.rigid_end || !is_limb)) continue;
       if (sweep.num_bones() > 1 &&
@@ -90,14 +247,25 @@ JointMotions::JointMotions(const Body& body,
     : body_(body),
       helpers_(helpers),
       rest_(RestFrames(body.skeleton)),
-      rest_axes_(MakeAxes(body, rest_)) {}
+      rest_axes_(MakeAxes(body, rest_)) {
+  for (const HelperJoint& helper : helpers) {
+    if (!helper.skin.empty() && !deformer_) deformer_.emplace(body);
+  }
+}
 
 std::vector<RigidMotion> JointMotions::At(const Pose& pose) const {
   std::vector<RigidMotion> motions = AtWithoutHelpers(pose);
   if (helpers_.empty()) return motions;
   const std::vector<SweepAxis> axes =
       MakeAxes(body_, ForwardKinematics(body_.skeleton, pose));
+  std::vector<Eigen::Vector3d> vertices;
+  if (deformer_) vertices = deformer_->Vertices(pose);
   for (std::size_t h = 0; h < helpers_.size(); ++h) {
+    if (!helpers_[h].skin.empty()) {
+      motions[kNumJoints + h] =
+          NearestMotion(helpers_[h].skin, deformer_->rest_vertices(), vertices);
+      continue;
+    }
     MotionBlend blend;
     for (const HelperJoint::Source& source : helpers_[h].sources) {
       blend.Add(source.weight,

@@ -2,7 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,21 +11,31 @@
 
 namespace sweepfit {
 
-// A joint beyond the 21 that only carries skin. It moves as sections of the
-// sweeps do, so that linear blend skinning can follow them where a joint bends
-// or a bone twists:
+// A joint beyond the 21 that only carries skin. It moves as parts of the sweeps
+// do, so that linear blend skinning can follow them where a joint bends or a
+// bone twists:
 //
 //   <joint>_swing  the start of a limb: turned with its bone but not twisted
-//   <joint>_half   the middle of the rounded corner at a joint
+//   <joint>_half   the middle of the rounded corner at a joint; where the limb
+//                  folds over itself two sections instead, <joint>_bend_before
+//                  and <joint>_bend_after
 //   <joint>_twist  the middle of the bone that starts at the joint
 //   <joint>_blend  half way between the trunk and the limb
+//   <joint>_fold_before, _fold_after and each _far
+//                  the skin on the inner side of a bend, before and after the
+//                  joint, pressed back where the limb folds over itself
+//   <joint>_tip    the skin on the outer side: kneecap and point of the elbow
+//   <joint>_pit, _rear
+//                  the skin between a limb and the trunk, armpit and crotch,
+//                  and behind the root of the limb
 //
 // All are functions of the posture. File formats have no such rules, so their
 // motion is baked into every clip; in an engine a constraint of half the
 // rotation comes close. Left at rest they follow the joint they hang on.
 struct HelperJoint {
   std::string name;
-  int parent = 0;                             // one of the 21
+  int joint = 0;                              // one of the 21: named after it
+  int parent = 0;                             // one of the 21: hangs on it
   Eigen::Vector3d joint_in_rest = {0, 0, 0};  // at rest, root at the origin
   struct Source {
     int sweep;
@@ -33,6 +43,9 @@ struct HelperJoint {
     double weight;
   };
   std::vector<Source> sources;  // sections; several blend as dual quaternions
+  // If not empty: it moves as these vertices do instead, in the sense of least
+  // squares. The source then is where they lie.
+  std::vector<int> skin;
 };
 
 // The helpers of a body; left and right mirror each other.
@@ -54,6 +67,7 @@ class JointMotions {
   const std::vector<HelperJoint>& helpers_;
   JointFrames rest_;
   std::vector<SweepAxis> rest_axes_;
+  std::optional<BodyDeformer> deformer_;  // where a helper rides on the skin
 };
 
 }  // namespace sweepfit

@@ -176,8 +176,8 @@ void JointLimits::Read(const Skeleton& skeleton,
       }
       if (limit.zero.norm() < 1e-6) Fail(source, zero, "zero has no direction");
       limit.zero.normalize();
-      limit.bend_axis =
-          limit.zero.cross(on_side({towards[0], towards[1], towards[2]}));
+      limit.towards = on_side({towards[0], towards[1], towards[2]});
+      limit.bend_axis = limit.zero.cross(limit.towards);
       if (limit.bend_axis.norm() < 1e-3) {
         Fail(source, node, "towards lies along the bone at zero");
       }

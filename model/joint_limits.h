@@ -34,6 +34,8 @@ struct JointLimit {
   // the right hand about them. Orthogonal to each other; `zero` is the
   // direction of the bone at zero angles.
   Eigen::Vector3d bend_axis, side_axis, zero, twist_axis;
+  // A positive bend takes the bone there from zero.
+  Eigen::Vector3d towards;
   // Turns the bone's rest direction onto its zero.
   Eigen::Quaterniond zero_from_rest;
 };

@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -14,9 +15,9 @@
 namespace sweepfit {
 namespace {
 
-constexpr int kMaxCandidates = 10;
+constexpr int kMaxCandidates = 16;
 // Joints and helpers.
-constexpr int kMaxSkinJoints = 64;
+constexpr int kMaxSkinJoints = 96;
 constexpr int kMaxInfluences = 4;
 // Weights below this are noise: a tenth of a metre of relative motion would
 // show a tenth of a millimetre.
@@ -26,7 +27,7 @@ constexpr double kNegligibleWeight = 1e-3;
 constexpr double kSmoothnessShare = 0.01;
 constexpr int kSmoothingPasses = 4;
 // Passes in which larger errors count more.
-constexpr int kReweightings = 4;
+constexpr int kReweightings = 3;
 // Squared errors below this all count alike, square metres.
 constexpr double kErrorFloor = 1e-6;
 // Left and right count as mirror images below this, metres.
@@ -102,6 +103,8 @@ Candidates FindCandidates(const Body& body,
                           int vertex) {
   // Parameters of distance that halve the score.
   constexpr double kNear = 0.1;
+  // Beyond so many parameters a joint does not matter.
+  constexpr double kReach = 1.2;
   JointWeights score{};
   const auto& attachments = body.binding[vertex].attachment;
   for (const SweepAttachment& attachment : attachments) {
@@ -115,7 +118,7 @@ Candidates FindCandidates(const Body& body,
       // Distance from u to the bone's range [bone, bone + 1].
       const double distance =
           std::max({0.0, bone - attachment.u, attachment.u - (bone + 1)});
-      if (distance > 1) continue;
+      if (distance > kReach) continue;
       score[joint] += attachment.weight / (kNear + distance);
     }
   }
@@ -130,7 +133,7 @@ Candidates FindCandidates(const Body& body,
         const double distance = helpers[h].sources.size() > 1
                                     ? 0
                                     : std::abs(attachment.u - source.u);
-        if (distance <= 1) here += attachment.weight / (kNear + distance);
+        if (distance <= kReach) here += attachment.weight / (kNear + distance);
       }
       lowest = std::min(lowest, here);
     }
@@ -340,28 +343,72 @@ JointWeights SolveVertex(const VertexProblem& problem,
   return Spread(part.candidates, SolveOnSimplex(part.H, b, n));
 }
 
-// The joints to keep: at most `most`, heaviest first. On the plane of symmetry
-// joints of both sides are kept or dropped together.
-JointSet JointsToKeep(const JointWeights& weights,
+double CostOfWeights(const VertexProblem& problem,
+                     const JointWeights& weights,
+                     const JointWeights& wanted,
+                     double smoothness) {
+  CandidateVector w = CandidateVector::Zero();
+  double from_wanted = 0;
+  for (int i = 0; i < problem.candidates.count; ++i) {
+    const int joint = problem.candidates.joint[i];
+    w[i] = weights[joint];
+    from_wanted += (w[i] - wanted[joint]) * (w[i] - wanted[joint]);
+  }
+  return w.dot(problem.H * w) + smoothness * from_wanted;
+}
+
+// Leaves the present joints of a vertex but drops them one after the other,
+// that whose loss costs least first, until `most` are left. On the plane of
+// symmetry joints of both sides are kept or dropped together.
+JointSet JointsToKeep(const VertexProblem& problem,
+                      const JointWeights& weights,
+                      const JointWeights& wanted,
+                      double smoothness,
                       int most,
                       bool on_symmetry_plane,
                       const std::array<int, kMaxSkinJoints>& mirror) {
-  std::vector<int> order(kMaxSkinJoints);
-  for (int j = 0; j < kMaxSkinJoints; ++j) order[j] = j;
-  std::stable_sort(order.begin(), order.end(), [&weights](int a, int b) {
+  // Of more than so many the lightest go unseen.
+  constexpr int kMostTried = 7;
+  std::vector<int> present;  // heaviest first
+  for (int j = 0; j < kMaxSkinJoints; ++j) {
+    if (weights[j] >= kNegligibleWeight) present.push_back(j);
+  }
+  std::stable_sort(present.begin(), present.end(), [&weights](int a, int b) {
     return weights[a] > weights[b];
   });
-  JointSet keep{};
-  int num_kept = 0;
-  for (const int joint : order) {
-    if (weights[joint] < kNegligibleWeight || keep[joint]) continue;
-    const int partner = on_symmetry_plane ? mirror[joint] : joint;
-    const int cost = partner == joint ? 1 : 2;
-    if (num_kept + cost > most) continue;
-    keep[joint] = keep[partner] = true;
-    num_kept += cost;
+  if (present.size() > kMostTried) present.resize(kMostTried);
+  const auto without = [&](int joint) {
+    std::vector<int> rest;
+    for (const int j : present) {
+      if (j == joint || (on_symmetry_plane && j == mirror[joint])) continue;
+      rest.push_back(j);
+    }
+    return rest;
+  };
+  const auto as_set = [](const std::vector<int>& joints) {
+    JointSet set{};
+    for (const int j : joints) set[j] = true;
+    return set;
+  };
+  while (static_cast<int>(present.size()) > most) {
+    double lowest = std::numeric_limits<double>::infinity();
+    std::vector<int> best;
+    for (const int joint : present) {
+      const std::vector<int> rest = without(joint);
+      if (rest.empty()) continue;
+      const double cost =
+          CostOfWeights(problem,
+                        SolveVertex(problem, wanted, smoothness, as_set(rest)),
+                        wanted,
+                        smoothness);
+      if (cost < lowest) {
+        lowest = cost;
+        best = rest;
+      }
+    }
+    present = best;
   }
-  return keep;
+  return as_set(present);
 }
 
 // The four heaviest, heaviest first, summing to 1.
@@ -449,6 +496,7 @@ class SkinWeightFitter {
 
   SkinFit Fit() {
     problems_.resize(rest_.size());
+    importance_.assign(rest_.size(), std::vector<double>(motions_.size(), 1));
     weights_.assign(rest_.size(), JointWeights{});
     for (int v = 0; v < num_vertices(); ++v) {
       problems_[v].candidates = FindCandidates(body_, helpers_, v);
@@ -469,6 +517,10 @@ class SkinWeightFitter {
     }
     for (int most = kMaxInfluences + 2; most >= kMaxInfluences; --most) {
       Solve(/*share_of_smoothness=*/1, most);
+    }
+    for (int pass = 0; pass < kReweightings; ++pass) {
+      Accumulate(/*by_error=*/true);
+      Solve(/*share_of_smoothness=*/1, kMaxInfluences);
     }
     SkinFit fit;
     fit.weights.helpers = helpers_;
@@ -492,14 +544,15 @@ class SkinWeightFitter {
     return symmetric_ && body_.topology.mirror_vertex[v] == v;
   }
 
-  // Sums the squared errors over all poses; `by_error`: every pose counts by
-  // the squared error of the present weights, in units of their mean.
+  // Sums the squared errors over all poses. `by_error`: first the importance of
+  // every pose goes half the way (of the logarithm) to the squared error of the
+  // present weights; the full way would swing to and fro.
   void Accumulate(bool by_error) {
-    std::vector<double> squared(motions_.size(), 1);
     for (int v = 0; v < num_vertices(); ++v) {
       if (Source(v) != v) continue;
       VertexProblem& problem = problems_[v];
       const Candidates& candidates = problem.candidates;
+      std::vector<double>& importance = importance_[v];
       CandidateVector w = CandidateVector::Zero();
       for (int i = 0; i < candidates.count; ++i) {
         w[i] = weights_[v][candidates.joint[i]];
@@ -509,15 +562,24 @@ class SkinWeightFitter {
       for (std::size_t p = 0; p < motions_.size(); ++p) {
         errors[p] =
             ErrorsOfPose(motions_[p], candidates, rest_[v], targets_[p][v]);
-        if (!by_error) continue;
-        squared[p] = (errors[p] * w).squaredNorm() + kErrorFloor;
-        mean += squared[p] / motions_.size();
+        if (by_error) {
+          importance[p] = std::sqrt(
+              importance[p] * ((errors[p] * w).squaredNorm() + kErrorFloor));
+        }
+        mean += importance[p] / motions_.size();
       }
-      if (!by_error) mean = 1;
       problem.H.setZero();
       for (std::size_t p = 0; p < motions_.size(); ++p) {
-        problem.H.noalias() +=
-            (squared[p] / mean) * errors[p].transpose() * errors[p];
+        const double share = importance[p] / mean;
+        for (int j = 0; j < candidates.count; ++j) {
+          const Eigen::Vector3d scaled = share * errors[p].col(j);
+          for (int i = 0; i <= j; ++i) {
+            problem.H(i, j) += errors[p].col(i).dot(scaled);
+          }
+        }
+      }
+      for (int j = 0; j < candidates.count; ++j) {
+        for (int i = 0; i < j; ++i) problem.H(j, i) = problem.H(i, j);
       }
     }
   }
@@ -531,15 +593,20 @@ class SkinWeightFitter {
         next[v] = Mirrored(next[Source(v)], mirror_);
         continue;
       }
+      const JointWeights wanted = Mean(weights_, neighbours_[v]);
+      const double smoothness = share_of_smoothness * smoothness_;
       JointSet allowed;
       allowed.fill(true);
       if (most < kMaxCandidates) {
-        allowed = JointsToKeep(weights_[v], most, OnSymmetryPlane(v), mirror_);
+        allowed = JointsToKeep(problems_[v],
+                               weights_[v],
+                               wanted,
+                               smoothness,
+                               most,
+                               OnSymmetryPlane(v),
+                               mirror_);
       }
-      next[v] = SolveVertex(problems_[v],
-                            Mean(weights_, neighbours_[v]),
-                            share_of_smoothness * smoothness_,
-                            allowed);
+      next[v] = SolveVertex(problems_[v], wanted, smoothness, allowed);
       if (OnSymmetryPlane(v)) {
         const JointWeights mirrored = Mirrored(next[v], mirror_);
         for (int j = 0; j < kMaxSkinJoints; ++j) {
@@ -578,6 +645,7 @@ class SkinWeightFitter {
   std::vector<std::vector<Eigen::Vector3d>> targets_;  // per pose, vertex
   double smoothness_ = 0;
   std::vector<VertexProblem> problems_;
+  std::vector<std::vector<double>> importance_;  // per vertex and pose
   std::vector<JointWeights> weights_;
 };
 

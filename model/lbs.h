@@ -18,6 +18,10 @@ struct SkinWeights {
   std::vector<std::array<double, 4>> weight;
 };
 
+// Fits for files use so many poses and this seed.
+inline constexpr int kSkinPoses = 160;
+inline constexpr unsigned kSkinSeed = 1;
+
 struct SkinFit {
   SkinWeights weights;
   double rms = 0;  // metres, LBS against sweeps over the sampled poses

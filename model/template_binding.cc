@@ -10,30 +10,36 @@
 namespace sweepfit {
 namespace {
 
-// Left-side sweeps in the order of the weights below.
+// Sweeps of a vertex on the left or right in the order of the weights below.
 constexpr std::array<int, 4> kLeftSweeps = {
     kTrunkSweep, kLArmSweep, kLLegSweep, kLFootSweep};
 constexpr std::array<int, 4> kRightSweeps = {
     kTrunkSweep, kRArmSweep, kRLegSweep, kRFootSweep};
+constexpr int kTrunk = 0;
+constexpr int kLeg = 2;
 using Weights = Eigen::Vector4d;
 
-constexpr double kBlendByStature = 0.04;
+// How far apart, in statures, sweeps still blend. Wider zones have more room
+// for folds, but let the shape say less about the joint.
+constexpr double kBlendByStature = 0.055;
+// So near to the middle plane, in statures, both legs pull at the crotch.
+constexpr double kBothLegsByStature = 0.015;
 constexpr int kSmoothings = 10;
 constexpr double kNegligible = 1e-3;
 
 // The one sweep that a vertex must follow, or -1.
 int OnlySweep(const HalfComplex& half, int v) {
-  if (half.on_mid_plane[v] || half.part[v] == BodyPart::kHead) return 0;
+  if (half.part[v] == BodyPart::kHead) return 0;
   if (half.part[v] == BodyPart::kLHand) return 1;
   return -1;
 }
 
 Weights ByDistance(const TemplateSolid& solid, const Eigen::Vector3d& point) {
-  const Eigen::Vector4d distance(solid.Trunk(point),
-                                 solid.Arm(point),
-                                 solid.Leg(point),
-                                 solid.Foot(point));
-  const double nearest = distance.minCoeff();
+  const std::array<double, 4> distance = {solid.Trunk(point),
+                                          solid.Arm(point),
+                                          solid.Leg(point),
+                                          solid.Foot(point)};
+  const double nearest = *std::min_element(distance.begin(), distance.end());
   const double width = kBlendByStature * solid.stature();
   Weights weights;
   for (int i = 0; i < 4; ++i) {
@@ -56,18 +62,40 @@ void Smooth(const HalfComplex& half, std::vector<Weights>* weights) {
     for (int v = 0; v < half.num_vertices; ++v) {
       if (OnlySweep(half, v) >= 0) continue;
       Weights mean = Weights::Zero();
-      for (int n : neighbors[v]) mean += (*weights)[n];
-      next[v] = ((*weights)[v] + mean / neighbors[v].size()) / 2;
+      double count = 0;
+      for (int n : neighbors[v]) {
+        // Those beside the middle plane have a mirror image.
+        const double times =
+            half.on_mid_plane[v] && !half.on_mid_plane[n] ? 2 : 1;
+        mean += times * (*weights)[n];
+        count += times;
+      }
+      next[v] = ((*weights)[v] + mean / count) / 2;
     }
     *weights = next;
   }
 }
 
+// How much of the weight of the leg the other leg has: half of it on the middle
+// plane, nothing further away or down the thighs, which are close to each
+// other.
+double ShareOfOtherLeg(const Weights& weights, double x, double stature) {
+  const double t =
+      std::clamp(1 - std::abs(x) / (kBothLegsByStature * stature), 0.0, 1.0);
+  return 0.5 * t * t * (3 - 2 * t) * std::min(1.0, 2 * weights[kTrunk]);
+}
+
 std::vector<std::pair<int, double>> Heaviest(const Weights& weights,
-                                             const std::array<int, 4>& sweeps) {
+                                             double share_of_other_leg,
+                                             const std::array<int, 4>& sweeps,
+                                             int other_leg) {
+  std::vector<std::pair<int, double>> all;
+  for (int i = 0; i < 4; ++i) all.push_back({sweeps[i], weights[i]});
+  all.push_back({other_leg, share_of_other_leg * weights[kLeg]});
+  all[kLeg].second *= 1 - share_of_other_leg;
   std::vector<std::pair<int, double>> chosen;
-  for (int i = 0; i < 4; ++i) {
-    if (weights[i] > kNegligible) chosen.push_back({sweeps[i], weights[i]});
+  for (const auto& entry : all) {
+    if (entry.second > kNegligible) chosen.push_back(entry);
   }
   std::stable_sort(chosen.begin(), chosen.end(), [](auto& a, auto& b) {
     return a.second > b.second;
@@ -96,9 +124,22 @@ std::vector<std::vector<std::pair<int, double>>> TemplateWeights(
   std::vector<std::vector<std::pair<int, double>>> bound(
       topology.mirror_vertex.size());
   for (int v = 0; v < half.num_vertices; ++v) {
-    bound[v] = Heaviest(weights[v], kLeftSweeps);
+    double share =
+        ShareOfOtherLeg(weights[v], half_vertices[v].x(), solid.stature());
+    if (half.on_mid_plane[v]) {
+      share = 0.5;
+      // Nothing but the legs has two sides here.
+      const double trunk = weights[v][kTrunk];
+      const double leg = weights[v][kLeg];
+      weights[v].setZero();
+      weights[v][kTrunk] = trunk;
+      weights[v][kLeg] = leg;
+    }
+    bound[v] = Heaviest(weights[v], share, kLeftSweeps, kRLegSweep);
     const int mirror = topology.mirror_vertex[v];
-    if (mirror != v) bound[mirror] = Heaviest(weights[v], kRightSweeps);
+    if (mirror != v) {
+      bound[mirror] = Heaviest(weights[v], share, kRightSweeps, kLLegSweep);
+    }
   }
   return bound;
 }

@@ -154,6 +154,10 @@ std::vector<Entry> Entries(FitOptions* o) {
       {"export.correctives",
        &o->exported.correctives,
        "morph targets that take clips to the sweeps"},
+      {"export.helpers",
+       &o->exported.helpers,
+       "helper joints besides the 21 in model.glb; clips made elsewhere do not "
+       "move them"},
       {"export.obj", &o->exported.obj, "mesh_<pose>.obj with texture"},
   };
 }

@@ -19,8 +19,6 @@ namespace sweepfit {
 namespace {
 
 // Skin weights are fitted over this many sampled poses.
-constexpr int kSkinPoses = 80;
-constexpr unsigned kSkinSeed = 1;
 
 // Runs one stage, timed, and keeps its summary whatever happens in it.
 void RunStage(const std::string& stage,
@@ -346,7 +344,8 @@ FitResult FitObserved(
         "skin",
         "",
         [&](StageSummary* summary) {
-          result.skin = FitSkinWeights(result.body, kSkinPoses, kSkinSeed);
+          result.skin = FitSkinWeights(
+              result.body, kSkinPoses, kSkinSeed, options.exported.helpers);
           summary->figures["rms_mm"] = 1000 * result.skin->rms;
           summary->figures["max_mm"] = 1000 * result.skin->max;
           summary->status = "ok";

@@ -53,6 +53,9 @@ struct ExportOptions {
   // Morph targets that take each clip of model.glb from linear skinning to the
   // sweeps.
   bool correctives = true;
+  // Helper joints besides the 21 in model.glb: nearer to the sweeps in its own
+  // clips. Clips made elsewhere do not move them and look better without.
+  bool helpers = true;
   // Write mesh_<pose>.obj with texture coordinates beside the PLY.
   bool obj = false;
   std::optional<std::string> Check() const;

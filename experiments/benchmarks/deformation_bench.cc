@@ -260,9 +260,10 @@ void Run(const std::string& figure) {
   const Body body = BuildTemplate(TemplateOptions());
   const BodyDeformer deformer(body);
   const JointLimits limits(body.skeleton);
-  constexpr int kPoses = 160;
-  const SkinWeights helped = FitSkinWeights(body, kPoses, 1).weights;
-  const SkinWeights plain = FitSkinWeights(body, kPoses, 1, false).weights;
+  const SkinWeights helped =
+      FitSkinWeights(body, kSkinPoses, kSkinSeed).weights;
+  const SkinWeights plain =
+      FitSkinWeights(body, kSkinPoses, kSkinSeed, false).weights;
   const std::vector<Method> methods = {
       {"sweeps",
        {40, 120, 0},
