@@ -2,6 +2,7 @@
 #include "model/lbs.h"
 
 #include <glog/logging.h>
+#include <tbb/parallel_for.h>
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -236,20 +237,6 @@ struct VertexProblem {
   Candidates candidates;
   CandidateMatrix H = CandidateMatrix::Zero();
 };
-
-using CandidateErrors = Eigen::Matrix<double, 3, kMaxCandidates>;
-
-// Where each candidate alone would put the vertex, from where it should be.
-CandidateErrors ErrorsOfPose(const std::vector<RigidMotion>& motions,
-                             const Candidates& candidates,
-                             const Eigen::Vector3d& rest,
-                             const Eigen::Vector3d& target) {
-  CandidateErrors errors = CandidateErrors::Zero();
-  for (int i = 0; i < candidates.count; ++i) {
-    errors.col(i) = motions[candidates.joint[i]] * rest - target;
-  }
-  return errors;
-}
 
 // Vertices that share an edge, ascending.
 std::vector<std::vector<int>> EdgeNeighbours(const std::vector<Quad>& quads,
@@ -486,10 +473,13 @@ class SkinWeightFitter {
     CHECK_LE(kNumJoints + helpers.size(), std::size_t{kMaxSkinJoints});
     const BodyDeformer deformer(body);
     const JointMotions motions(body, helpers_);
-    for (const Pose& pose : SamplePoses(body.skeleton, num_poses, seed)) {
-      motions_.push_back(motions.At(pose));
-      targets_.push_back(deformer.Vertices(pose));
-    }
+    const std::vector<Pose> poses = SamplePoses(body.skeleton, num_poses, seed);
+    motions_.resize(poses.size());
+    targets_.resize(poses.size());
+    tbb::parallel_for(std::size_t{0}, poses.size(), [&](std::size_t p) {
+      motions_[p] = motions.At(poses[p]);
+      targets_[p] = deformer.Vertices(poses[p]);
+    });
     const double error = kSmoothnessShare * body.stature;
     smoothness_ = motions_.size() * error * error;
   }
@@ -548,51 +538,53 @@ class SkinWeightFitter {
   // every pose goes half the way (of the logarithm) to the squared error of the
   // present weights; the full way would swing to and fro.
   void Accumulate(bool by_error) {
-    for (int v = 0; v < num_vertices(); ++v) {
-      if (Source(v) != v) continue;
-      VertexProblem& problem = problems_[v];
-      const Candidates& candidates = problem.candidates;
-      std::vector<double>& importance = importance_[v];
-      CandidateVector w = CandidateVector::Zero();
-      for (int i = 0; i < candidates.count; ++i) {
-        w[i] = weights_[v][candidates.joint[i]];
-      }
-      std::vector<CandidateErrors> errors(motions_.size());
-      double mean = 0;
-      for (std::size_t p = 0; p < motions_.size(); ++p) {
-        errors[p] =
-            ErrorsOfPose(motions_[p], candidates, rest_[v], targets_[p][v]);
-        if (by_error) {
-          importance[p] = std::sqrt(
-              importance[p] * ((errors[p] * w).squaredNorm() + kErrorFloor));
-        }
-        mean += importance[p] / motions_.size();
-      }
-      problem.H.setZero();
-      for (std::size_t p = 0; p < motions_.size(); ++p) {
-        const double share = importance[p] / mean;
-        for (int j = 0; j < candidates.count; ++j) {
-          const Eigen::Vector3d scaled = share * errors[p].col(j);
-          for (int i = 0; i <= j; ++i) {
-            problem.H(i, j) += errors[p].col(i).dot(scaled);
-          }
-        }
-      }
-      for (int j = 0; j < candidates.count; ++j) {
-        for (int i = 0; i < j; ++i) problem.H(j, i) = problem.H(i, j);
+    tbb::parallel_for(0, num_vertices(), [&](int v) {
+      if (Source(v) == v) AccumulateVertex(v, by_error);
+    });
+  }
+
+  void AccumulateVertex(int v, bool by_error) {
+    VertexProblem& problem = problems_[v];
+    const Candidates& candidates = problem.candidates;
+    const int n = candidates.count;
+    const auto num_poses = static_cast<Eigen::Index>(motions_.size());
+    std::vector<double>& importance = importance_[v];
+    // Where each candidate alone would put the vertex, from where it should
+    // be; three rows a pose.
+    Eigen::MatrixXd errors(3 * num_poses, n);
+    for (Eigen::Index p = 0; p < num_poses; ++p) {
+      for (int i = 0; i < n; ++i) {
+        errors.block<3, 1>(3 * p, i) =
+            motions_[p][candidates.joint[i]] * rest_[v] - targets_[p][v];
       }
     }
+    if (by_error) {
+      Eigen::VectorXd w(n);
+      for (int i = 0; i < n; ++i) w[i] = weights_[v][candidates.joint[i]];
+      const Eigen::VectorXd present = errors * w;
+      for (Eigen::Index p = 0; p < num_poses; ++p) {
+        importance[p] =
+            std::sqrt(importance[p] *
+                      (present.segment<3>(3 * p).squaredNorm() + kErrorFloor));
+      }
+    }
+    double mean = 0;
+    for (const double i : importance) {
+      mean += i / static_cast<double>(num_poses);
+    }
+    for (Eigen::Index p = 0; p < num_poses; ++p) {
+      errors.middleRows<3>(3 * p) *= std::sqrt(importance[p] / mean);
+    }
+    problem.H.setZero();
+    problem.H.topLeftCorner(n, n) = errors.transpose() * errors;
   }
 
   // Solves one vertex of each mirrored pair, with the mean of its neighbours
   // as wish, for at most `most` of its present joints, and copies the result.
   void Solve(double share_of_smoothness, int most) {
     std::vector<JointWeights> next(weights_.size());
-    for (int v = 0; v < num_vertices(); ++v) {
-      if (Source(v) != v) {
-        next[v] = Mirrored(next[Source(v)], mirror_);
-        continue;
-      }
+    tbb::parallel_for(0, num_vertices(), [&](int v) {
+      if (Source(v) != v) return;
       const JointWeights wanted = Mean(weights_, neighbours_[v]);
       const double smoothness = share_of_smoothness * smoothness_;
       JointSet allowed;
@@ -613,6 +605,9 @@ class SkinWeightFitter {
           next[v][j] = 0.5 * (next[v][j] + mirrored[j]);
         }
       }
+    });
+    for (int v = 0; v < num_vertices(); ++v) {
+      if (Source(v) != v) next[v] = Mirrored(next[Source(v)], mirror_);
     }
     weights_ = std::move(next);
   }

@@ -612,6 +612,7 @@ void BodyTracer::AddTrunk() {
 }
 
 void BodyTracer::AddArms() {
+  constexpr double kMostNeckToShoulder = 0.2;  // usually .12
   static constexpr const char* kNames[] = {"l_arm", "r_arm"};
   static constexpr int kShoulder[] = {kLShoulder, kRShoulder};
   static constexpr int kElbow[] = {kLElbow, kRElbow};
@@ -686,6 +687,12 @@ void BodyTracer::AddArms() {
     const double along =
         (last - axis_point).dot(axis) + s_shoulder - arm.s_merge;
     const Eigen::Vector3d shoulder = axis_point + along * axis;
+    // A direction that only the forearm showed may lead anywhere.
+    if (arm.merges_early && !armpit_is_safe && result_.neck &&
+        (shoulder - result_.neck->center_in_world).norm() >
+            kMostNeckToShoulder * height_) {
+      continue;
+    }
     result_.landmarks.push_back(
         MakeLandmark(kShoulder[side],
                      shoulder,
