@@ -306,6 +306,11 @@ Evaluation EvaluateResult(const Capture& capture,
       const fs::path truth = TruthFolder(capture, pose.name);
       if (fs::exists(truth / "joints.json")) {
         fitted.joints = FittedJoints(result_folder, pose.name);
+        const fs::path landmarks = result_folder / "landmarks.json";
+        if (fs::exists(landmarks)) {
+          score.landmarks = ScoreLandmarks(
+              landmarks, pose.name, LoadTruthJoints(truth / "joints.json"));
+        }
       }
       has_truth |= ScoreShape(truth, fitted, options, &score) ||
                    fs::exists(truth / "masks");
@@ -321,6 +326,34 @@ Evaluation EvaluateResult(const Capture& capture,
                      ": no ground truth for the poses of this result");
   }
   return evaluation;
+}
+
+// One line for all and one for each.
+std::string LandmarkLines(const std::vector<LandmarkScore>& landmarks) {
+  std::vector<double> errors;
+  double chi2 = 0;
+  std::string each;
+  for (const LandmarkScore& landmark : landmarks) {
+    const double error = landmark.error_in_world.norm();
+    errors.push_back(error);
+    chi2 += landmark.chi2_per_dof;
+    each += Format("    %-14s %5.1f mm  chi2/dof %.2f  (%s, %d views)\n",
+                   landmark.name.c_str(),
+                   1000 * error,
+                   landmark.chi2_per_dof,
+                   landmark.source.c_str(),
+                   landmark.num_views);
+  }
+  std::sort(errors.begin(), errors.end());
+  return Format(
+             "  %-16s median %.1f  90 %% below %.1f mm  chi2/dof %.2f  "
+             "(%zu landmarks)\n",
+             "landmarks",
+             1000 * errors[errors.size() / 2],
+             1000 * errors[9 * (errors.size() - 1) / 10],
+             chi2 / static_cast<double>(landmarks.size()),
+             landmarks.size()) +
+         each;
 }
 
 std::string EvaluationTable(const Evaluation& evaluation) {
@@ -340,6 +373,7 @@ std::string EvaluationTable(const Evaluation& evaluation) {
           1000 * score.joints->pa_mpjpe,
           1000 * score.joints->bone_length_mae);
     }
+    if (!score.landmarks.empty()) text += LandmarkLines(score.landmarks);
     if (score.fit_to_truth) {
       text += SurfaceLine("surface to truth", *score.fit_to_truth);
       text += SurfaceLine("truth to surface", *score.truth_to_fit);
@@ -364,6 +398,15 @@ Json PoseScoreToJson(const PoseScore& score) {
   if (score.fit_to_truth) {
     pose["surface"] = {{"fit_to_truth", ErrorToJson(*score.fit_to_truth)},
                        {"truth_to_fit", ErrorToJson(*score.truth_to_fit)}};
+  }
+  for (const LandmarkScore& landmark : score.landmarks) {
+    const Eigen::Vector3d& e = landmark.error_in_world;
+    pose["landmarks"].push_back({{"name", landmark.name},
+                                 {"source", landmark.source},
+                                 {"views", landmark.num_views},
+                                 {"error", e.norm()},
+                                 {"error_xyz", {e.x(), e.y(), e.z()}},
+                                 {"chi2_per_dof", landmark.chi2_per_dof}});
   }
   for (const bool in_fit : {true, false}) {
     const auto mean = MeanSilhouetteError(score, in_fit);

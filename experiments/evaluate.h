@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "capture/capture.h"
+#include "experiments/landmark_score.h"
 #include "experiments/metrics.h"
 #include "model/progress.h"
 
@@ -35,6 +36,7 @@ struct PoseScore {
   std::optional<JointError> joints;
   std::optional<SurfaceError> fit_to_truth;
   std::optional<SurfaceError> truth_to_fit;
+  std::vector<LandmarkScore> landmarks;
 };
 
 struct Evaluation {
@@ -61,9 +63,10 @@ PoseScore ScoreAgainstTruth(const Capture& capture,
 // camera and compared with truth/<pose>/masks/<camera>.png where there is one,
 // else with the result's own masks/, else (cameras that the fit did not use)
 // with the silhouette segmented from the picture as the result's fit.yaml says.
-// With options.truth also truth/<pose>/joints.json and surface.ply (metres, +Y
-// up). InputError when the folder is no result, has no mesh, or when truth is
-// asked for and there is none.
+// With options.truth also truth/<pose>/joints.json (joints, and landmarks.json
+// where the result has one) and surface.ply (metres, +Y up). InputError when
+// the folder is no result, has no mesh, or when truth is asked for and there is
+// none.
 Evaluation EvaluateResult(const Capture& capture,
                           const std::filesystem::path& result_folder,
                           const EvaluateOptions& options,

@@ -639,7 +639,7 @@ void BodyTracer::AddArms() {
     AddOnLimb(kWrist[side],
               arm.line,
               s_wrist,
-              arm.is_clear ? 0.010 : 0.020,
+              arm.is_clear ? 0.010 : 0.014,
               arm.is_clear ? 0.007 : 0.012);
     Eigen::Vector3d axis_point, axis;
     if (!FitAxis(arm.line,
@@ -796,7 +796,7 @@ void BodyTracer::AddHead() {
                                 .anatomy_across = 0.014});
   const Eigen::Vector3d head = crown - 0.085 * height_ * head_up;
   result_.landmarks.push_back(
-      MakeLandmark(kHead, head, AlongAcross(head_up, 0.018, 0.015)));
+      MakeLandmark(kHead, head, AlongAcross(head_up, 0.014, 0.011)));
 
   const Eigen::Vector3d up = (neck - root_in_world_).normalized();
   Eigen::Vector3d spine = root_in_world_ + 0.095 * height_ * up;
@@ -804,7 +804,7 @@ void BodyTracer::AddHead() {
   if (cut.found) spine = cut.centroid_in_world;
   spine -= 0.02 * height_ * result_.facing_in_world;
   result_.landmarks.push_back(
-      MakeLandmark(kSpine, spine, AlongAcross(up, 0.035, 0.02)));
+      MakeLandmark(kSpine, spine, AlongAcross(up, 0.025, 0.016)));
 }
 
 const Landmark3* BodyTracer::Corner(std::string_view name) const {

@@ -154,6 +154,38 @@ TEST_F(EvaluateTest, MeasuresWhatIsKnown) {
   EXPECT_EQ(score.cameras[1].reference, "truth");
 }
 
+TEST_F(EvaluateTest, ComparesLandmarksWithTheJointsTheySpeakOf) {
+  Json wrist;
+  wrist["name"] = "l_wrist";
+  wrist["joint"] = "l_wrist";
+  const int joint = kLWrist;
+  wrist["point"] = {0.1 * joint + 0.01, 1.0, 0.01 * joint * joint - 0.02};
+  wrist["covariance"] = {1e-4, 0, 0, 0, 1e-4, 0, 0, 0, 4e-4};
+  wrist["views"] = 5;
+  wrist["source"] = "contour";
+  Json crotch = wrist;
+  crotch["name"] = "crotch";
+  crotch["joint"] = nullptr;
+  Json json;
+  json["poses"]["A"]["landmarks"] = {wrist, crotch};
+  WriteBytes(result_ / "landmarks.json", json.dump());
+  const Evaluation evaluation = Evaluate(true);
+  const auto& landmarks = evaluation.poses[0].landmarks;
+  ASSERT_EQ(landmarks.size(), 1u);
+  EXPECT_NEAR(landmarks[0].error_in_world.norm(), std::sqrt(5e-4), 1e-9);
+  EXPECT_NEAR(landmarks[0].chi2_per_dof, 2.0 / 3, 1e-9);
+  EXPECT_THAT(EvaluationTable(evaluation), HasSubstr("chi2/dof 0.67"));
+  EXPECT_EQ(EvaluationToJson(evaluation)["poses"]["A"]["landmarks"].size(), 1u);
+  EXPECT_TRUE(Evaluate(false).poses[0].landmarks.empty());
+
+  wrist["covariance"] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
+  json["poses"]["A"]["landmarks"] = {wrist};
+  WriteBytes(result_ / "landmarks.json", json.dump());
+  EXPECT_THAT(Error(true), HasSubstr("not positive definite"));
+  WriteBytes(result_ / "landmarks.json", "{}");
+  EXPECT_THAT(Error(true), HasSubstr("landmarks.json"));
+}
+
 TEST_F(EvaluateTest, FallsBackToTheResultsOwnMasks) {
   fs::remove_all(truth_ / "masks");
   const PoseScore score = Evaluate(false).poses[0];
