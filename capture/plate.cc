@@ -156,16 +156,6 @@ bool IsShadowOrHighlight(const Pixel& pixel, const OtherLight& light) {
          SquaredLeft(pixel) < kMostLeft * VarianceLeft(pixel, light);
 }
 
-// A plate with a colour of its own (a key screen, a carpet): the same hue and
-// saturation are proof enough of a shadow, outline or not.
-bool HasPlatesColour(const Pixel& pixel) {
-  constexpr float kOwnColour = 20, kSameColour = 0.2f;
-  const float expected =
-      pixel.change.factor * std::hypot(pixel.plate[1], pixel.plate[2]);
-  return expected > kOwnColour &&
-         SquaredLeft(pixel) < kSameColour * kSameColour * expected * expected;
-}
-
 // ln of the density of a pixel's colour if it shows the background. `is_soft`:
 // its light passes softly into that of plain background, so that it is no
 // surprise, however dark.
@@ -231,9 +221,7 @@ cv::Mat1f LogDensities(const cv::Mat3f& lab,
       Pixel pixel = pixel_at(x, y);
       pixel.log_light = log_light(y, x);
       pixel.light_slope = slope(y, x);
-      const bool is_soft =
-          soft(y, x) || (candidate(y, x) && HasPlatesColour(pixel));
-      log_density(y, x) = LogDensity(pixel, light, is_soft, options);
+      log_density(y, x) = LogDensity(pixel, light, soft(y, x) != 0, options);
     }
   }
   return log_density;
