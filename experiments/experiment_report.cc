@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "experiments/experiment_runner.h"
+#include "experiments/metrics.h"
 #include "experiments/random.h"
 #include "experiments/report_html.h"
 #include "model/file_io.h"
@@ -229,18 +230,7 @@ struct Table {
 };
 
 Table MeansTable(const Results& results) {
-  const std::vector<int> limbs = {kLShoulder,
-                                  kLElbow,
-                                  kLWrist,
-                                  kRShoulder,
-                                  kRElbow,
-                                  kRWrist,
-                                  kLHip,
-                                  kLKnee,
-                                  kLAnkle,
-                                  kRHip,
-                                  kRKnee,
-                                  kRAnkle};
+  const std::vector<int> limbs(kLimbJoints.begin(), kLimbJoints.end());
   std::vector<int> all(kNumJoints);
   for (int j = 0; j < kNumJoints; ++j) all[j] = j;
   Table table{"Means over the subjects", {"variant"}, {}};

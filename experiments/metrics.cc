@@ -152,19 +152,6 @@ double OverlapOverUnion(const cv::Mat1f& a, const cv::Mat1f& b) {
 
 // ------------------------------------------------------------------ joints
 
-constexpr std::array kLimbJoints = {kLShoulder,
-                                    kLElbow,
-                                    kLWrist,
-                                    kRShoulder,
-                                    kRElbow,
-                                    kRWrist,
-                                    kLHip,
-                                    kLKnee,
-                                    kLAnkle,
-                                    kRHip,
-                                    kRKnee,
-                                    kRAnkle};
-
 // Bones inside the trunk's width depend on the rig more than on the person.
 bool IsComparedBone(int joint) {
   return kJointParents[joint] >= 0 && joint != kLShoulder &&

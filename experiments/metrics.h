@@ -27,9 +27,23 @@ struct SilhouetteError {
 // which: +inf, -inf) and 0 when none has.
 SilhouetteError CompareMasks(const cv::Mat1f& mask, const cv::Mat1f& truth);
 
+// The joints of the limbs, where rigs agree best on what a joint is.
+inline constexpr std::array kLimbJoints = {kLShoulder,
+                                           kLElbow,
+                                           kLWrist,
+                                           kRShoulder,
+                                           kRElbow,
+                                           kRWrist,
+                                           kLHip,
+                                           kLKnee,
+                                           kLAnkle,
+                                           kRHip,
+                                           kRKnee,
+                                           kRAnkle};
+
 struct JointError {
   double mpjpe = 0;            // metres, all joints
-  double limb_mpjpe = 0;       // shoulders, elbows, wrists, hips, knees, ankles
+  double limb_mpjpe = 0;       // over kLimbJoints
   double pa_mpjpe = 0;         // after a similarity alignment
   double bone_length_mae = 0;  // metres; without neck-shoulder and root-hip
   std::array<double, kNumJoints> per_joint{};

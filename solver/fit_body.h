@@ -80,9 +80,12 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
 
 // Surface refinement (paper V): displacements of single vertices along their
 // normals, by a sparse Cholesky factorisation, kept in section coordinates so
-// that they move with the body.
+// that they move with the body. Last, what radii and displacements tore is
+// relaxed against `reference_rest`, the vertices at rest before the local fit;
+// see RelaxSurface.
 void RefineSurface(const std::vector<PoseEvidence>& evidence,
                    const RefineOptions& options,
+                   const std::vector<Eigen::Vector3d>& reference_rest,
                    const JointResult& joints,
                    Body* body,
                    StageSummary* summary);

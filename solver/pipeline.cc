@@ -286,6 +286,7 @@ FitResult FitObserved(
       },
       progress,
       &result.stages);
+  const std::vector<Eigen::Vector3d> reference_rest = RestVertices(result.body);
   if (until >= FindFitStage("local")) {
     RunStage(
         "local",
@@ -309,8 +310,12 @@ FitResult FitObserved(
         "refine",
         "",
         [&](StageSummary* summary) {
-          RefineSurface(
-              evidence, options.refine, joints, &result.body, summary);
+          RefineSurface(evidence,
+                        options.refine,
+                        reference_rest,
+                        joints,
+                        &result.body,
+                        summary);
         },
         progress,
         &result.stages);

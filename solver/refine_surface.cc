@@ -3,10 +3,11 @@
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "capture/render.h"
+#include "solver/displacement.h"
 #include "solver/fit_body.h"
+#include "solver/relax_surface.h"
 #include "solver/solve_person.h"
 #include "solver/surface_thickness.h"
 
@@ -30,21 +31,6 @@ constexpr double kPhotoStep = 0.5;
 bool IsDetail(BodyPart part) {
   return part == BodyPart::kLHand || part == BodyPart::kRHand ||
          part == BodyPart::kLFoot || part == BodyPart::kRFoot;
-}
-
-std::vector<std::vector<int>> Neighbours(const BodyTopology& topology,
-                                         int num_vertices) {
-  std::vector<std::set<int>> sets(num_vertices);
-  for (const Quad& quad : topology.quads) {
-    for (int k = 0; k < 4; ++k) {
-      if (quad[k] == quad[(k + 1) % 4]) continue;
-      sets[quad[k]].insert(quad[(k + 1) % 4]);
-      sets[quad[(k + 1) % 4]].insert(quad[k]);
-    }
-  }
-  std::vector<std::vector<int>> neighbours;
-  for (const auto& set : sets) neighbours.emplace_back(set.begin(), set.end());
-  return neighbours;
 }
 
 // Least squares for one offset per vertex along its normal:
@@ -102,7 +88,7 @@ Eigen::SparseMatrix<double> SmoothnessMatrix(const Body& body,
   constexpr double kSpacing = 0.010;  // metres
   constexpr double kMaxScale = 8;
   const int n = body.num_vertices();
-  const auto neighbours = Neighbours(body.topology, n);
+  const auto neighbours = VertexNeighbours(body.topology, n);
   const std::vector<Vector3d> vertices = RestVertices(body);
   std::vector<double> area(n, 0.0);
   for (const Quad& quad : body.topology.quads) {
@@ -182,25 +168,16 @@ void AddTargets(const PoseEvidence& evidence,
   }
 }
 
-// Moves vertices by offsets along their posed normals, expressed in the section
-// frames of the rest pose.
+// Moves vertices by offsets along their posed normals.
 void ApplyOffsets(const Eigen::VectorXd& offset,
                   const PosedBody& posed,
                   Body* body) {
-  const JointFrames rest = RestFrames(body->skeleton);
-  std::vector<SweepAxis> axes;
-  axes.reserve(body->sweeps.size());
-  for (const Sweep& sweep : body->sweeps) {
-    axes.emplace_back(sweep, body->skeleton, rest);
+  std::vector<Vector3d> move(body->num_vertices());
+  for (size_t v = 0; v < move.size(); ++v) {
+    move[v] = posed.motions[v].rotation.transpose() * posed.normals[v] *
+              offset[static_cast<Eigen::Index>(v)];
   }
-  for (int v = 0; v < body->num_vertices(); ++v) {
-    const SweepAttachment& heaviest = body->binding[v].attachment[0];
-    const Eigen::Matrix3d frame =
-        axes[heaviest.sweep].At(heaviest.u).world_from_section;
-    const Vector3d at_rest =
-        posed.motions[v].rotation.transpose() * posed.normals[v] * offset[v];
-    body->displacement_in_section[v] += frame.transpose() * at_rest;
-  }
+  DisplaceAtRest(move, body);
 }
 
 }  // namespace
@@ -215,12 +192,20 @@ std::optional<std::string> RefineOptions::Check() const {
 
 void RefineSurface(const std::vector<PoseEvidence>& evidence,
                    const RefineOptions& options,
+                   const std::vector<Vector3d>& reference_rest,
                    const JointResult& joints,
                    Body* body,
                    StageSummary* summary) {
-  if (!options.enabled) {
+  const auto relax = [&] {
+    const RelaxedSurface relaxed = RelaxSurface(reference_rest, body);
+    summary->figures["relaxed_vertices"] = relaxed.moved_vertices;
+    summary->figures["turned_faces"] = relaxed.turned_faces_left;
+    summary->figures["torn_edges"] = relaxed.long_edges_left;
     summary->status = "ok";
+  };
+  if (!options.enabled) {
     summary->figures["enabled"] = false;
+    relax();
     return;
   }
   const int n = body->num_vertices();
@@ -289,7 +274,7 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
   summary->figures["photo_points"] = num_photo_points;
   summary->figures["rim_error_end_mm"] = 1000 * error;
   summary->figures["largest_displacement_mm"] = 1000 * largest;
-  summary->status = "ok";
+  relax();
 }
 
 }  // namespace sweepfit

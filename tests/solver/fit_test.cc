@@ -48,6 +48,9 @@ TEST(Fit, FollowsASyntheticPerson) {
   for (const StageSummary& stage : result.stages) {
     EXPECT_TRUE(stage.status == "ok" || stage.status == "weak") << stage.stage;
     EXPECT_GE(stage.seconds, 0) << stage.stage;
+    if (stage.stage != "refine") continue;
+    EXPECT_EQ(stage.figures["turned_faces"].get<int>(), 0);
+    EXPECT_EQ(stage.figures["torn_edges"].get<int>(), 0);
   }
   const std::filesystem::path truth = capture.folder / "truth" / "A";
   const JointError joints = CompareJoints(

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "model/body.h"
+
+namespace sweepfit {
+
+struct RelaxedSurface {
+  int moved_vertices = 0;
+  int turned_faces_left = 0;
+  int long_edges_left = 0;
+};
+
+// Undoes what the evidence tore: faces that look away from where they looked on
+// the reference, and edges several times as long. Around them vertices go to
+// where their neighbours want them, each neighbourhood keeping the shape it had
+// on the reference (its mean-value Laplacian), in ever wider regions. Changes
+// body->displacement_in_section only.
+//
+// reference_rest: vertices at rest of the same topology, metres, before radii
+// and vertices were fitted.
+RelaxedSurface RelaxSurface(const std::vector<Eigen::Vector3d>& reference_rest,
+                            Body* body);
+
+}  // namespace sweepfit
