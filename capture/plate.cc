@@ -156,6 +156,18 @@ bool IsShadowOrHighlight(const Pixel& pixel, const OtherLight& light) {
          SquaredLeft(pixel) < kMostLeft * VarianceLeft(pixel, light);
 }
 
+// A coloured floor (a key screen, a carpet) in a sharp shadow, as under a
+// chair, keeps its hue and saturation. Clothes of the plate's hue do as well,
+// so that this holds on the floor only.
+bool KeepsFloorsColour(const Pixel& pixel, float at_feet) {
+  constexpr float kOnFloor = 0.5f;
+  constexpr float kOwnColour = 20, kSameColour = 0.2f;
+  const float expected =
+      pixel.change.factor * std::hypot(pixel.plate[1], pixel.plate[2]);
+  return at_feet > kOnFloor && expected > kOwnColour &&
+         SquaredLeft(pixel) < kSameColour * kSameColour * expected * expected;
+}
+
 // ln of the density of a pixel's colour if it shows the background. `is_soft`:
 // its light passes softly into that of plain background, so that it is no
 // surprise, however dark.
@@ -221,7 +233,10 @@ cv::Mat1f LogDensities(const cv::Mat3f& lab,
       Pixel pixel = pixel_at(x, y);
       pixel.log_light = log_light(y, x);
       pixel.light_slope = slope(y, x);
-      log_density(y, x) = LogDensity(pixel, light, soft(y, x) != 0, options);
+      const bool is_soft =
+          soft(y, x) != 0 ||
+          (candidate(y, x) != 0 && KeepsFloorsColour(pixel, at_feet[y]));
+      log_density(y, x) = LogDensity(pixel, light, is_soft, options);
     }
   }
   return log_density;
