@@ -486,6 +486,7 @@ class SkinWeightFitter {
 
   SkinFit Fit() {
     problems_.resize(rest_.size());
+    errors_.resize(rest_.size());
     importance_.assign(rest_.size(), std::vector<double>(motions_.size(), 1));
     weights_.assign(rest_.size(), JointWeights{});
     for (int v = 0; v < num_vertices(); ++v) {
@@ -545,27 +546,19 @@ class SkinWeightFitter {
 
   void AccumulateVertex(int v, bool by_error) {
     VertexProblem& problem = problems_[v];
-    const Candidates& candidates = problem.candidates;
-    const int n = candidates.count;
+    const int n = problem.candidates.count;
     const auto num_poses = static_cast<Eigen::Index>(motions_.size());
     std::vector<double>& importance = importance_[v];
-    // Where each candidate alone would put the vertex, from where it should
-    // be; three rows a pose.
-    Eigen::MatrixXd errors(3 * num_poses, n);
-    for (Eigen::Index p = 0; p < num_poses; ++p) {
-      for (int i = 0; i < n; ++i) {
-        errors.block<3, 1>(3 * p, i) =
-            motions_[p][candidates.joint[i]] * rest_[v] - targets_[p][v];
-      }
-    }
+    Eigen::MatrixXf errors = ErrorsOfVertex(v);
     if (by_error) {
-      Eigen::VectorXd w(n);
-      for (int i = 0; i < n; ++i) w[i] = weights_[v][candidates.joint[i]];
-      const Eigen::VectorXd present = errors * w;
+      Eigen::VectorXf w(n);
+      for (int i = 0; i < n; ++i) {
+        w[i] = static_cast<float>(weights_[v][problem.candidates.joint[i]]);
+      }
+      const Eigen::VectorXf present = errors * w;
       for (Eigen::Index p = 0; p < num_poses; ++p) {
-        importance[p] =
-            std::sqrt(importance[p] *
-                      (present.segment<3>(3 * p).squaredNorm() + kErrorFloor));
+        const double squared = present.segment<3>(3 * p).squaredNorm();
+        importance[p] = std::sqrt(importance[p] * (squared + kErrorFloor));
       }
     }
     double mean = 0;
@@ -573,10 +566,30 @@ class SkinWeightFitter {
       mean += i / static_cast<double>(num_poses);
     }
     for (Eigen::Index p = 0; p < num_poses; ++p) {
-      errors.middleRows<3>(3 * p) *= std::sqrt(importance[p] / mean);
+      errors.middleRows<3>(3 * p) *=
+          static_cast<float>(std::sqrt(importance[p] / mean));
     }
     problem.H.setZero();
-    problem.H.topLeftCorner(n, n) = errors.transpose() * errors;
+    problem.H.topLeftCorner(n, n) =
+        (errors.transpose() * errors).eval().cast<double>();
+  }
+
+  // Where each candidate alone would put the vertex, from where it should be,
+  // metres; three rows a pose. Kept from the first time on.
+  const Eigen::MatrixXf& ErrorsOfVertex(int v) {
+    Eigen::MatrixXf& errors = errors_[v];
+    if (errors.size() > 0) return errors;
+    const Candidates& candidates = problems_[v].candidates;
+    const auto num_poses = static_cast<Eigen::Index>(motions_.size());
+    errors.resize(3 * num_poses, candidates.count);
+    for (int i = 0; i < candidates.count; ++i) {
+      for (Eigen::Index p = 0; p < num_poses; ++p) {
+        const Eigen::Vector3d error =
+            motions_[p][candidates.joint[i]] * rest_[v] - targets_[p][v];
+        errors.block<3, 1>(3 * p, i) = error.cast<float>();
+      }
+    }
+    return errors;
   }
 
   // Solves one vertex of each mirrored pair, with the mean of its neighbours
@@ -640,6 +653,7 @@ class SkinWeightFitter {
   std::vector<std::vector<Eigen::Vector3d>> targets_;  // per pose, vertex
   double smoothness_ = 0;
   std::vector<VertexProblem> problems_;
+  std::vector<Eigen::MatrixXf> errors_;          // per vertex
   std::vector<std::vector<double>> importance_;  // per vertex and pose
   std::vector<JointWeights> weights_;
 };

@@ -3,7 +3,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <iterator>
 
 namespace sweepfit {
 namespace {
@@ -17,11 +16,6 @@ constexpr int kMaxRings = 6;
 // A face counts as turned over below this cosine against where it should look.
 constexpr double kMinCosine = 0.03;
 constexpr double kStep = 0.5;
-
-void SortUnique(std::vector<int>* list) {
-  std::sort(list->begin(), list->end());
-  list->erase(std::unique(list->begin(), list->end()), list->end());
-}
 
 // True where the rest shape itself is creased: no smoothing brings such a face
 // back to where it looked.
@@ -79,7 +73,8 @@ Unfolder::Unfolder(const std::vector<Quad>& quads,
                                 .cross(rest[triangle[2]] - rest[triangle[0]])
                                 .stableNormalized();
     rest_normal_.push_back(normal);
-    if (!IsCreased(normal, triangle, vertex_normals)) {
+    is_watched_.push_back(!IsCreased(normal, triangle, vertex_normals));
+    if (is_watched_.back() != 0) {
       watched_.push_back(static_cast<int>(t));
     }
   }
@@ -102,32 +97,44 @@ bool Unfolder::IsTurned(const std::vector<Matrix3d>& rotation,
 
 int Unfolder::Apply(const std::vector<Matrix3d>& rotation,
                     std::vector<Vector3d>* vertices) const {
-  std::vector<int> suspects = watched_;
-  std::vector<Vector3d> moved;
-  for (int round = 0;; ++round) {
-    std::vector<int> turned;
+  std::vector<int> turned;
+  const auto find_turned = [&](const std::vector<int>& suspects) {
+    turned.clear();
     for (const int t : suspects) {
       if (IsTurned(rotation, *vertices, t)) turned.push_back(t);
     }
-    if (turned.empty() || round == kMaxRounds) {
-      return static_cast<int>(turned.size());
-    }
-    std::vector<int> region;
+  };
+  find_turned(watched_);
+  if (turned.empty()) return 0;
+  // What is listed in this round already.
+  std::vector<char> in_region(vertices->size(), 0);
+  std::vector<char> is_suspect(triangles_.size(), 0);
+  std::vector<int> region, suspects;
+  std::vector<Vector3d> moved;
+  const auto add = [&](int v) {
+    if (in_region[v] != 0) return;
+    in_region[v] = 1;
+    region.push_back(v);
+  };
+  const auto add_around = [&](int v) {
+    const int end = neighbours_.first[v + 1];
+    for (int k = neighbours_.first[v]; k < end; ++k) add(neighbours_.entry[k]);
+  };
+  for (int round = 0; !turned.empty() && round < kMaxRounds; ++round) {
+    region.clear();
     for (const int t : turned) {
       for (const int v : triangles_[t]) {
-        region.push_back(v);
-        neighbours_.AppendTo(v, &region);
+        add(v);
+        add_around(v);
       }
     }
-    SortUnique(&region);
     // Deep folds need room: the longer it takes, the wider the region.
-    for (int ring = 0; ring < std::min(round / kRoundsPerRing, kMaxRings);
-         ++ring) {
-      const std::vector<int> inner = region;
-      for (const int v : inner) {
-        neighbours_.AppendTo(v, &region);
-      }
-      SortUnique(&region);
+    const int rings = std::min(round / kRoundsPerRing, kMaxRings);
+    std::size_t first = 0;
+    for (int ring = 0; ring < rings; ++ring) {
+      const std::size_t last = region.size();
+      for (std::size_t i = first; i < last; ++i) add_around(region[i]);
+      first = last;
     }
     moved.clear();
     for (const int v : region) {
@@ -142,18 +149,21 @@ int Unfolder::Apply(const std::vector<Matrix3d>& rotation,
     }
     suspects.clear();
     for (std::size_t i = 0; i < region.size(); ++i) {
-      (*vertices)[region[i]] = moved[i];
-      triangles_around_.AppendTo(region[i], &suspects);
+      const int v = region[i];
+      (*vertices)[v] = moved[i];
+      in_region[v] = 0;
+      const int end = triangles_around_.first[v + 1];
+      for (int k = triangles_around_.first[v]; k < end; ++k) {
+        const int t = triangles_around_.entry[k];
+        if (is_watched_[t] == 0 || is_suspect[t] != 0) continue;
+        is_suspect[t] = 1;
+        suspects.push_back(t);
+      }
     }
-    SortUnique(&suspects);
-    std::vector<int> watched;
-    std::set_intersection(suspects.begin(),
-                          suspects.end(),
-                          watched_.begin(),
-                          watched_.end(),
-                          std::back_inserter(watched));
-    suspects = std::move(watched);
+    for (const int t : suspects) is_suspect[t] = 0;
+    find_turned(suspects);
   }
+  return static_cast<int>(turned.size());
 }
 
 }  // namespace sweepfit

@@ -35,10 +35,6 @@ class Unfolder {
   struct Lists {
     std::vector<int> first;
     std::vector<int> entry;
-    void AppendTo(int v, std::vector<int>* list) const {
-      list->insert(
-          list->end(), entry.begin() + first[v], entry.begin() + first[v + 1]);
-    }
   };
   template <typename Face>
   static Lists ListPerVertex(const std::vector<Face>& faces,
@@ -48,6 +44,7 @@ class Unfolder {
   std::vector<Triangle> triangles_;
   std::vector<Eigen::Vector3d> rest_normal_;  // unit, per triangle
   std::vector<int> watched_;                  // triangles not creased at rest
+  std::vector<char> is_watched_;              // per triangle
   Lists neighbours_;  // vertices, those across an inner edge twice
   Lists triangles_around_;
 };

@@ -30,7 +30,7 @@ struct LocalOptions {
   // hull: radii sampled from the hull. paper: their difference ratio against
   // the template, times the feature weight.
   std::string mode = "rim";
-  int rounds = 4;
+  int rounds = 3;
   double sigma_rim = 0.002;       // metres
   double sigma_hull = 0.0015;     // metres beyond the hull
   double sigma_around = 0.05;     // second difference of q around a section

@@ -27,7 +27,7 @@ struct JointOptions {
     double anthropometric = 1;
     double pose = 1;
     double stature = 1;
-    double silhouette = 0.2;  // a template is not the person: its outline errs
+    double silhouette = 0.05;  // a template is not the person: its outline errs
   } weights;
   double template_sigma = 0.05;  // of a bone's ln(length / stature)
   std::optional<std::string> Check() const;
