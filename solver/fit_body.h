@@ -17,7 +17,7 @@ namespace sweepfit {
 struct GlobalOptions {
   // Rounds of finding the rim and solving; the basin is about 60 px wide in the
   // first and narrows to 20.
-  int rounds = 6;
+  int rounds = 4;
   // Standard deviation of a coarse body's outline, metres: first and last
   // round.
   double sigma_first = 0.012;
