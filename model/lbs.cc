@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "model/joint_limits.h"
+#include "model/vertex_neighbours.h"
 
 namespace sweepfit {
 namespace {
@@ -238,26 +239,6 @@ struct VertexProblem {
   CandidateMatrix H = CandidateMatrix::Zero();
 };
 
-// Vertices that share an edge, ascending.
-std::vector<std::vector<int>> EdgeNeighbours(const std::vector<Quad>& quads,
-                                             int num_vertices) {
-  std::vector<std::vector<int>> neighbours(num_vertices);
-  for (const Quad& quad : quads) {
-    for (int i = 0; i < 4; ++i) {
-      const int a = quad[i];
-      const int b = quad[(i + 1) % 4];
-      if (a == b) continue;
-      neighbours[a].push_back(b);
-      neighbours[b].push_back(a);
-    }
-  }
-  for (std::vector<int>& list : neighbours) {
-    std::sort(list.begin(), list.end());
-    list.erase(std::unique(list.begin(), list.end()), list.end());
-  }
-  return neighbours;
-}
-
 JointWeights Spread(const Candidates& candidates, const CandidateVector& w) {
   JointWeights weights{};
   for (int i = 0; i < candidates.count; ++i) {
@@ -468,7 +449,7 @@ class SkinWeightFitter {
         helpers_(helpers),
         mirror_(MirrorTable(helpers)),
         rest_(RestVertices(body)),
-        neighbours_(EdgeNeighbours(body.topology.quads, body.num_vertices())),
+        neighbours_(VertexNeighbours(body.topology.quads, body.num_vertices())),
         symmetric_(IsMirrorSymmetric(body, rest_)) {
     CHECK_LE(kNumJoints + helpers.size(), std::size_t{kMaxSkinJoints});
     const BodyDeformer deformer(body);

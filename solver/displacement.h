@@ -8,10 +8,6 @@
 
 namespace sweepfit {
 
-// Vertices that share an edge, ascending, per vertex.
-std::vector<std::vector<int>> VertexNeighbours(const BodyTopology& topology,
-                                               size_t num_vertices);
-
 // Adds moves of the vertices at rest, metres, to the body's displacements,
 // which are kept in the frames of the sections.
 void DisplaceAtRest(const std::vector<Eigen::Vector3d>& move, Body* body);

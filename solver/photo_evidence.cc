@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "capture/render.h"
+#include "model/vertex_neighbours.h"
 #include "solver/surface_thickness.h"
 #include "volume/depth_match.h"
 
@@ -56,14 +57,12 @@ std::vector<PhotoPoint> PhotoEvidence::Match(const PosedBody& posed,
     queries[v] = {vertices[v], posed.normals[v], thickness[v], outside};
   }
   std::vector<std::pair<int, int>> edges;
-  for (const Quad& quad : quads) {
-    for (int k = 0; k < 4; ++k) {
-      const auto [a, b] = std::minmax(quad[k], quad[(k + 1) % 4]);
-      if (a != b) edges.emplace_back(a, b);
+  const auto neighbours = VertexNeighbours(quads, vertices.size());
+  for (int v = 0; v < static_cast<int>(neighbours.size()); ++v) {
+    for (const int n : neighbours[v]) {
+      if (v < n) edges.emplace_back(v, n);
     }
   }
-  std::sort(edges.begin(), edges.end());
-  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
 
   DepthSearch search;
   search.step = step_pixels * impl_->matcher.options().spacing;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "capture/render.h"
+#include "model/vertex_neighbours.h"
 #include "solver/displacement.h"
 #include "solver/fit_body.h"
 #include "solver/relax_surface.h"
@@ -88,7 +89,7 @@ Eigen::SparseMatrix<double> SmoothnessMatrix(const Body& body,
   constexpr double kSpacing = 0.010;  // metres
   constexpr double kMaxScale = 8;
   const int n = body.num_vertices();
-  const auto neighbours = VertexNeighbours(body.topology, n);
+  const auto neighbours = VertexNeighbours(body.topology.quads, n);
   const std::vector<Vector3d> vertices = RestVertices(body);
   std::vector<double> area(n, 0.0);
   for (const Quad& quad : body.topology.quads) {

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
+#include "model/vertex_neighbours.h"
 #include "solver/displacement.h"
 
 namespace sweepfit {
@@ -31,7 +32,7 @@ class Relaxation {
              const std::vector<Vector3d>& reference)
       : reference_(reference),
         triangles_(TriangulateQuads(topology.quads, reference)),
-        neighbours_(VertexNeighbours(topology, reference.size())) {
+        neighbours_(VertexNeighbours(topology.quads, reference.size())) {
     for (const Triangle& t : triangles_) {
       reference_normal_.push_back(FaceNormal(t, reference));
     }

@@ -28,6 +28,7 @@ constexpr double kMostSag = 1;
 constexpr double kBendReach = 0.85;
 // Taps are less dependent near the maximum than far from it.
 constexpr double kPrecision = 2;
+
 // Least of a parabola through three equidistant values, in steps from the
 // middle one.
 double SubStep(double before, double middle, double after) {

@@ -6,6 +6,7 @@
 #include <array>
 
 #include "experiments/metrics.h"
+#include "experiments/result_folder.h"
 #include "experiments/synthetic.h"
 #include "model/gltf.h"
 #include "model/input_error.h"
@@ -58,9 +59,8 @@ TEST(Fit, FollowsASyntheticPerson) {
   // One pixel is 7 mm here; the bounds are those of a fit that works, not its
   // accuracy, which tests/accuracy.sh measures on larger pictures.
   EXPECT_LT(joints.limb_mpjpe, 0.045);
-  TriangleMesh mesh;
-  mesh.vertices = result.poses[0].vertices_in_world;
-  mesh.triangles = TriangulateQuads(result.body.topology.quads, mesh.vertices);
+  const TriangleMesh mesh =
+      PosedMesh(result.body, result.poses[0].vertices_in_world);
   const TriangleMesh surface = LoadPly((truth / "surface.ply").string());
   EXPECT_LT(CompareSurfaces(mesh, surface, 10000, 1).mean, 0.010);
   EXPECT_LT(CompareSurfaces(surface, mesh, 10000, 1).mean, 0.010);
@@ -131,10 +131,8 @@ TEST(Fit, LocalModesRunSideBySide) {
     options.until = "local";
     const FitResult result =
         Fit(capture, {"A"}, CameraIds(capture), options, nullptr);
-    TriangleMesh mesh;
-    mesh.vertices = result.poses[0].vertices_in_world;
-    mesh.triangles =
-        TriangulateQuads(result.body.topology.quads, mesh.vertices);
+    const TriangleMesh mesh =
+        PosedMesh(result.body, result.poses[0].vertices_in_world);
     const TriangleMesh surface =
         LoadPly((capture.folder / "truth" / "A" / "surface.ply").string());
     // Radii read off a hull inherit its bias, but not more than that.
@@ -158,10 +156,8 @@ TEST(Fit, PhotographsBringTheSurfaceCloser) {
     options.until = "refine";
     const FitResult result =
         Fit(capture, {"A"}, CameraIds(capture), options, nullptr);
-    TriangleMesh mesh;
-    mesh.vertices = result.poses[0].vertices_in_world;
-    mesh.triangles =
-        TriangulateQuads(result.body.topology.quads, mesh.vertices);
+    const TriangleMesh mesh =
+        PosedMesh(result.body, result.poses[0].vertices_in_world);
     error[enabled] = CompareSurfaces(mesh, surface, 10000, 1).mean +
                      CompareSurfaces(surface, mesh, 10000, 1).mean;
   }
@@ -191,9 +187,8 @@ TEST(Fit, StartsFromAnImportedTemplate) {
                           LoadTruthJoints(truth / "joints.json"))
                 .limb_mpjpe,
             0.045);
-  TriangleMesh mesh;
-  mesh.vertices = result.poses[0].vertices_in_world;
-  mesh.triangles = TriangulateQuads(result.body.topology.quads, mesh.vertices);
+  const TriangleMesh mesh =
+      PosedMesh(result.body, result.poses[0].vertices_in_world);
   const TriangleMesh surface = LoadPly((truth / "surface.ply").string());
   EXPECT_LT(CompareSurfaces(mesh, surface, 10000, 1).mean, 0.012);
   EXPECT_LT(CompareSurfaces(surface, mesh, 10000, 1).mean, 0.012);
