@@ -328,6 +328,8 @@ Evaluation EvaluateResult(const Capture& capture,
   return evaluation;
 }
 
+namespace {
+
 // One line for all and one for each.
 std::string LandmarkLines(const std::vector<LandmarkScore>& landmarks) {
   std::vector<double> errors;
@@ -355,6 +357,8 @@ std::string LandmarkLines(const std::vector<LandmarkScore>& landmarks) {
              landmarks.size()) +
          each;
 }
+
+}  // namespace
 
 std::string EvaluationTable(const Evaluation& evaluation) {
   std::string text = evaluation.capture + "\n";
