@@ -158,13 +158,13 @@ bool IsShadowOrHighlight(const Pixel& pixel, const OtherLight& light) {
 
 // A coloured floor (a key screen, a carpet) in a sharp shadow, as under a
 // chair, keeps its hue and saturation. Clothes of the plate's hue do as well,
-// so that this holds on the floor only.
+// so that this holds below the thighs only.
 bool KeepsFloorsColour(const Pixel& pixel, float at_feet) {
-  constexpr float kOnFloor = 0.5f;
+  constexpr float kBelowThighs = 0.1f;
   constexpr float kOwnColour = 20, kSameColour = 0.2f;
   const float expected =
       pixel.change.factor * std::hypot(pixel.plate[1], pixel.plate[2]);
-  return at_feet > kOnFloor && expected > kOwnColour &&
+  return at_feet > kBelowThighs && expected > kOwnColour &&
          SquaredLeft(pixel) < kSameColour * kSameColour * expected * expected;
 }
 
@@ -234,8 +234,7 @@ cv::Mat1f LogDensities(const cv::Mat3f& lab,
       pixel.log_light = log_light(y, x);
       pixel.light_slope = slope(y, x);
       const bool is_soft =
-          soft(y, x) != 0 ||
-          (candidate(y, x) != 0 && KeepsFloorsColour(pixel, at_feet[y]));
+          soft(y, x) != 0 || KeepsFloorsColour(pixel, at_feet[y]);
       log_density(y, x) = LogDensity(pixel, light, is_soft, options);
     }
   }

@@ -2,6 +2,7 @@
 #include <utility>
 
 #include "model/input_error.h"
+#include "volume/floor_cut.h"
 #include "volume/greedy.h"
 #include "volume/photo.h"
 #include "volume/volume.h"
@@ -25,8 +26,17 @@ Volume BuildVolume(const std::vector<View>& views,
                    StageSummary* summary) {
   if (const auto error = options.Check()) throw InputError(*error);
   if (summary != nullptr) summary->figures["mode"] = options.mode;
-  Volume hull = BuildVisualHull(
-      views, HullOptions{options.voxel_size}, progress, summary);
+  double cut = 0;
+  Volume hull = CutBelowFloor(
+      views,
+      BuildVisualHull(
+          views, HullOptions{options.voxel_size}, progress, summary),
+      &cut);
+  if (summary != nullptr) {
+    const Eigen::Vector3d size = hull.BoxMax() - hull.BoxMin();
+    summary->figures["box_size"] = {size.x(), size.y(), size.z()};
+    summary->figures["cut_below_floor"] = cut;
+  }
   if (options.mode == "hull") return hull;
   if (options.mode == "greedy") {
     return CarveGreedily(views, std::move(hull), options.greedy, summary);

@@ -97,7 +97,11 @@ double FindFloor(const std::vector<View>& views, const Volume& volume) {
   tbb::parallel_for(size_t{0}, views.size(), [&](size_t i) {
     needed[i] = LowestNeeded(views[i], volume);
   });
-  const double floor = *std::min_element(needed.begin(), needed.end());
+  // One view alone may need too much: what another one lost, as the foot of a
+  // thin leg of a chair, it looks for in the wedge behind.
+  std::sort(needed.begin(), needed.end());
+  const double floor =
+      needed.size() > 2 && needed[1] != kNone ? needed[1] : needed.front();
   return floor == kNone ? volume.BoxMin().y() : floor;
 }
 

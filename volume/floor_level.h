@@ -15,7 +15,8 @@ namespace sweepfit {
 // Algorithm: the ray through every pixel of a silhouette's lower edge needs the
 // highest point that it has in common with the volume. Of the pixels that need
 // something within kContact of the lowest, a tenth may be a shadow's, and an
-// outline is trusted to one pixel; the view that needs the lowest decides.
+// outline is trusted to one pixel. Of three or more views the one that needs
+// the second lowest decides: one may err.
 // Pixels at the frame, where the person is cut, all count. The lowest point of
 // the volume when no view looks down.
 double FindFloor(const std::vector<View>& views, const Volume& volume);

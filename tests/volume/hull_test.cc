@@ -13,6 +13,7 @@
 #include "model/input_error.h"
 #include "tests/volume/capsule_person.h"
 #include "volume/coverage.h"
+#include "volume/floor_cut.h"
 #include "volume/floor_level.h"
 #include "volume/volume.h"
 
@@ -127,24 +128,38 @@ TEST(HullTest, CameraAbstainsOutsideItsFrame) {
   EXPECT_GT(volume.BoxMax().y(), 1.68);
 }
 
-// Seen from above the hull goes on below the feet.
-TEST(FloorTest, LiesUnderTheFeetAndNotUnderTheHull) {
+// Somebody who stands on y = 0, from cameras above at these azimuths (radians).
+std::vector<View> FromAbove(const std::vector<double>& azimuths,
+                            double height = 1.8,
+                            bool on_a_board = false) {
   std::vector<Capsule> person = {{{0, 0.9, 0}, {0, 1.5, 0}, 0.15}};
   for (const double x : {-0.13, 0.13}) {
     person.push_back({{x, 0.1, 0}, {x, 0.9, 0}, 0.07});
     person.push_back({{x, 0.04, -0.05}, {x, 0.04, 0.2}, 0.04});
   }
+  if (on_a_board) {
+    for (double z = -0.3; z < 0.31; z += 0.02) {
+      person.push_back({{-0.4, 0.01, z}, {0.4, 0.01, z}, 0.01});
+    }
+  }
   std::vector<View> views;
-  for (int i = 0; i < 8; ++i) {
-    const double azimuth = 0.785 * i;
+  for (const double azimuth : azimuths) {
     views.push_back(RenderCapsules(
-        testing::LookAt("cam" + std::to_string(i),
-                        {3 * std::sin(azimuth), 1.8, 3 * std::cos(azimuth)},
+        testing::LookAt("cam" + std::to_string(views.size()),
+                        {3 * std::sin(azimuth), height, 3 * std::cos(azimuth)},
                         {0, 0.85, 0},
                         2 * kSize,
                         2 * kSize),
         person));
   }
+  return views;
+}
+const std::vector<double> kAllAround = {0, 0.785, 1.57, 2.36, 3.14, 3.93, 4.71,
+                                        5.5};
+
+// Seen from above the hull goes on below the feet.
+TEST(FloorTest, LiesUnderTheFeetAndNotUnderTheHull) {
+  std::vector<View> views = FromAbove(kAllAround);
   const Volume hull = Hull(views);
   EXPECT_LT(hull.BoxMin().y(), -0.005);
   const double pixel = 3.2 / views[0].camera.FocalLength();
@@ -158,6 +173,25 @@ TEST(FloorTest, LiesUnderTheFeetAndNotUnderTheHull) {
     view.camera.height = row;
   }
   EXPECT_LT(FindFloor(views, Hull(views)), 0.3);
+}
+
+TEST(FloorTest, CutsADeepWedgeOnly) {
+  double depth = -1;
+  const std::vector<View> around = FromAbove(kAllAround);
+  const Volume whole = CutBelowFloor(around, Hull(around), &depth);
+  EXPECT_EQ(depth, 0);
+  EXPECT_EQ(whole.BoxMin(), Hull(around).BoxMin());
+
+  // A broad base, seen from one side.
+  std::vector<View> one_side = FromAbove({-1, -0.3, 0.3, 1}, 1.4, true);
+  const Volume hull = Hull(one_side);
+  EXPECT_LT(hull.BoxMin().y(), -0.06);
+  const Volume cut = CutBelowFloor(one_side, Hull(one_side), &depth);
+  EXPECT_NEAR(depth, cut.BoxMin().y() - hull.BoxMin().y(), 1e-6);
+  const double pixel = 3.2 / one_side[0].camera.FocalLength();
+  EXPECT_GT(cut.BoxMin().y(), -1.5 * pixel);
+  EXPECT_LT(cut.BoxMin().y(), 3 * pixel);
+  EXPECT_NEAR(cut.BoxMax().y(), hull.BoxMax().y(), 1e-6);
 }
 
 TEST(HullTest, CoherentSilhouettesAreCovered) {
