@@ -91,8 +91,9 @@ void AddFitVerb(CLI::App* command, std::function<void()>* run) {
       ->delimiter(',');
   verb->add_option("--template",
                    arguments->template_file,
-                   "Start from this rigged person (.glb) instead of the "
-                   "generic one");
+                   "Start from this rigged, skinned person (.glb) instead of "
+                   "the generic one; look at it first with 'sweepfit template "
+                   "--from'; joint names: template.names below");
   verb->add_option("--until", arguments->until, "Last stage to run");
   AddCommonArguments(verb, &arguments->common);
   verb->footer(Footer());

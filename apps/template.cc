@@ -15,6 +15,7 @@
 #include "model/body_io.h"
 #include "model/gltf.h"
 #include "model/input_error.h"
+#include "model/template_import.h"
 
 namespace sweepfit {
 namespace {
@@ -27,6 +28,8 @@ constexpr int kCloseUpsPerRow = 4;
 struct TemplateArguments {
   CommonArguments common;
   TemplateOptions options;
+  std::string from;
+  std::string names = "auto";
   std::string out;
   int size = 900;
 };
@@ -48,6 +51,16 @@ void WriteModel(const Body& body, const fs::path& path) {
           path.string());
 }
 
+Body ReadOrBuild(const TemplateArguments& arguments, Progress* progress) {
+  if (arguments.from.empty()) return BuildTemplate(arguments.options);
+  std::vector<std::string> notes;
+  Body body = ImportTemplate(arguments.from, arguments.names, &notes);
+  for (const std::string& note : notes) {
+    progress->Warning(arguments.from + ": " + note);
+  }
+  return body;
+}
+
 void RunTemplate(const TemplateArguments& arguments) {
   Runtime runtime(arguments.common);
   if (arguments.size < 64 || arguments.size > 4096)
@@ -55,7 +68,7 @@ void RunTemplate(const TemplateArguments& arguments) {
   OutputFolder output(arguments.out, kMarker);
   const fs::path& folder = output.temporary();
   runtime.progress()->Stage("template", "");
-  const Body body = BuildTemplate(arguments.options);
+  const Body body = ReadOrBuild(arguments, runtime.progress());
   SaveBody(body, (folder / kMarker).string());
   TriangleMesh mesh;
   mesh.vertices = RestVertices(body);
@@ -74,9 +87,10 @@ void RunTemplate(const TemplateArguments& arguments) {
   output.Commit();
   runtime.progress()->Clear();
   if (!runtime.quiet()) {
-    std::printf("%d vertices, %zu quads, %.1f kg\nbody: %s\n",
+    std::printf("%d vertices, %zu faces, %.2f m, %.1f kg\nbody: %s\n",
                 body.num_vertices(),
                 body.topology.quads.size(),
+                body.stature,
                 body.mass,
                 arguments.out.c_str());
   }
@@ -86,7 +100,9 @@ void RunTemplate(const TemplateArguments& arguments) {
 
 void AddTemplateVerb(CLI::App* command, std::function<void()>* run) {
   CLI::App* verb = command->add_subcommand(
-      "template", "Write the generic body that every fit starts from");
+      "template",
+      "Write the generic body that every fit starts from, or look at one of "
+      "your own");
   auto arguments = std::make_shared<TemplateArguments>();
   TemplateOptions& options = arguments->options;
   verb->add_option("--out", arguments->out, "Folder to make")->required();
@@ -97,10 +113,25 @@ void AddTemplateVerb(CLI::App* command, std::function<void()>* run) {
   verb->add_option(
           "--mass", options.mass, "Kilograms; 0: the mean for sex and stature")
       ->capture_default_str();
+  verb->add_option("--from",
+                   arguments->from,
+                   "A rigged, skinned person (.glb) to import instead, as "
+                   "'fit --template' does; --sex, --stature and --mass do not "
+                   "matter then");
+  verb->add_option("--names",
+                   arguments->names,
+                   "Joint names of --from: auto, a preset (sweepfit, mixamo, "
+                   "makehuman, unity, unreal, vrm, rigify, biped, smpl, daz, "
+                   "cc, vrchat) or a YAML file, a line 'l_elbow: NAME' per "
+                   "joint")
+      ->capture_default_str();
   verb->add_option("--size", arguments->size, "Height of the pictures, pixels")
       ->capture_default_str();
   AddCommonArguments(verb, &arguments->common);
-  verb->footer("Example: sweepfit template --out woman --sex 0 --stature 1.65");
+  verb->footer(
+      "Examples:\n"
+      "  sweepfit template --out woman --sex 0 --stature 1.65\n"
+      "  sweepfit template --out mine --from person.glb");
   verb->callback(
       [arguments, run] { *run = [arguments] { RunTemplate(*arguments); }; });
 }

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "model/glb_surface.h"
+
 #include <tiny_gltf.h>
 
 #include <Eigen/Geometry>
@@ -7,11 +9,12 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <limits>
 #include <map>
+#include <optional>
 
 #include "model/file_io.h"
 #include "model/input_error.h"
-#include "model/template_import.h"
 
 namespace sweepfit {
 namespace {
@@ -63,8 +66,7 @@ class GlbReader {
     }
     for (const std::string& extension : model_.extensionsRequired) {
       if (extension == "KHR_draco_mesh_compression" ||
-          extension == "EXT_meshopt_compression" ||
-          extension == "KHR_mesh_quantization") {
+          extension == "EXT_meshopt_compression") {
         Fail("needs " + extension + "; export it without compression");
       }
     }
@@ -73,24 +75,30 @@ class GlbReader {
 
   SkinnedSurface Read() {
     SkinnedSurface surface;
+    PlaceBoundJoints();
     for (std::size_t n = 0; n < model_.nodes.size(); ++n) {
       const tinygltf::Node& node = model_.nodes[n];
       if (node.mesh < 0 || node.skin < 0) continue;
       Check(node.mesh, model_.meshes.size(), "mesh of a node");
-      Check(node.skin, model_.skins.size(), "skin of a node");
-      const std::vector<Matrix4d> bind = BindMatrices(model_.skins[node.skin]);
-      for (const tinygltf::Primitive& primitive :
-           model_.meshes[node.mesh].primitives) {
-        Append(primitive, model_.skins[node.skin], bind, &surface);
+      const tinygltf::Mesh& mesh = model_.meshes[node.mesh];
+      surface.mesh_name.push_back(mesh.name.empty() ? node.name : mesh.name);
+      for (const tinygltf::Primitive& primitive : mesh.primitives) {
+        Append(primitive, node.skin, &surface);
       }
     }
     if (surface.triangles.empty()) Fail("holds no mesh with a skin");
     for (std::size_t n = 0; n < model_.nodes.size(); ++n) {
       surface.node_name.push_back(model_.nodes[n].name);
-      surface.node_in_scene.push_back(
+      surface.as_nodes.nodes.push_back(
           scene_from_node_[n].topRightCorner<3, 1>());
+      surface.as_bound.nodes.push_back(
+          (*scene_from_bound_[n]).topRightCorner<3, 1>());
     }
     surface.node_parent = parent_;
+    surface.is_joint.assign(model_.nodes.size(), false);
+    for (const tinygltf::Skin& skin : model_.skins) {
+      for (const int joint : skin.joints) surface.is_joint[joint] = true;
+    }
     return surface;
   }
 
@@ -224,6 +232,14 @@ class GlbReader {
       case TINYGLTF_COMPONENT_TYPE_FLOAT:
         value = Copy<float>(from);
         break;
+      case TINYGLTF_COMPONENT_TYPE_BYTE:
+        value = Copy<std::int8_t>(from);
+        if (normalized) value = std::max(value / 127.0, -1.0);
+        break;
+      case TINYGLTF_COMPONENT_TYPE_SHORT:
+        value = Copy<std::int16_t>(from);
+        if (normalized) value = std::max(value / 32767.0, -1.0);
+        break;
       case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
         value = *from / (normalized ? 255.0 : 1.0);
         break;
@@ -242,9 +258,8 @@ class GlbReader {
     return value;
   }
 
-  // Scene from the mesh at rest, per joint of the skin.
-  std::vector<Matrix4d> BindMatrices(const tinygltf::Skin& skin) const {
-    std::vector<Matrix4d> bind;
+  // The inverse bind matrices of a skin: joint from mesh.
+  std::vector<Matrix4d> JointFromMesh(const tinygltf::Skin& skin) const {
     std::vector<double> inverse;
     if (skin.inverseBindMatrices >= 0) {
       inverse = Numbers(skin.inverseBindMatrices, 16, "inverse bind matrices");
@@ -252,15 +267,78 @@ class GlbReader {
         Fail("there are fewer inverse bind matrices than joints");
       }
     }
+    std::vector<Matrix4d> joint_from_mesh(skin.joints.size(),
+                                          Matrix4d::Identity());
+    if (inverse.empty()) return joint_from_mesh;
     for (std::size_t j = 0; j < skin.joints.size(); ++j) {
-      Check(skin.joints[j], model_.nodes.size(), "joint of a skin");
-      Matrix4d joint_from_mesh = Matrix4d::Identity();
-      if (!inverse.empty()) {
-        joint_from_mesh = Eigen::Map<const Matrix4d>(&inverse[16 * j]);
+      joint_from_mesh[j] = Eigen::Map<const Matrix4d>(&inverse[16 * j]);
+      // Exporters leave rounding in the last row.
+      joint_from_mesh[j].row(3) = Eigen::RowVector4d(0, 0, 0, 1);
+      if (!(std::abs(joint_from_mesh[j].determinant()) > 0)) {
+        Fail("the inverse bind matrix of '" +
+             model_.nodes[skin.joints[j]].name + "' is singular");
       }
-      bind.push_back(scene_from_node_[skin.joints[j]] * joint_from_mesh);
     }
-    return bind;
+    return joint_from_mesh;
+  }
+
+  int DepthOf(int node) const {
+    int depth = 0;
+    while ((node = parent_[node]) >= 0) ++depth;
+    return depth;
+  }
+
+  // Where the joints were when the skins were bound. A skin says so but for a
+  // motion of the whole: the joint that is highest in the hierarchy stays where
+  // the nodes have it; further skins agree with the first where they share a
+  // joint. Nodes that are in no skin keep their place before their parent.
+  void PlaceBoundJoints() {
+    scene_from_bound_.resize(model_.nodes.size());
+    std::vector<std::size_t> order(model_.skins.size());
+    for (std::size_t s = 0; s < order.size(); ++s) order[s] = s;
+    std::stable_sort(order.begin(), order.end(), [&](auto a, auto b) {
+      return model_.skins[a].joints.size() > model_.skins[b].joints.size();
+    });
+    joint_from_mesh_.resize(model_.skins.size());
+    scene_from_mesh_.resize(model_.skins.size());
+    for (const std::size_t s : order) {
+      const tinygltf::Skin& skin = model_.skins[s];
+      joint_from_mesh_[s] = JointFromMesh(skin);
+      if (skin.joints.empty()) continue;
+      std::size_t key = 0;
+      const auto rank = [&](std::size_t j) {
+        return std::pair(!scene_from_bound_[skin.joints[j]].has_value(),
+                         DepthOf(skin.joints[j]));
+      };
+      for (std::size_t j = 1; j < skin.joints.size(); ++j) {
+        if (rank(j) < rank(key)) key = j;
+      }
+      const int node = skin.joints[key];
+      scene_from_mesh_[s] = (scene_from_bound_[node] ? *scene_from_bound_[node]
+                                                     : scene_from_node_[node]) *
+                            joint_from_mesh_[s][key];
+      for (std::size_t j = 0; j < skin.joints.size(); ++j) {
+        if (scene_from_bound_[skin.joints[j]]) continue;
+        scene_from_bound_[skin.joints[j]] =
+            scene_from_mesh_[s] * joint_from_mesh_[s][j].inverse();
+      }
+    }
+    for (std::size_t n = 0; n < model_.nodes.size(); ++n) {
+      std::vector<int> above;  // without a place, the node first
+      int at = static_cast<int>(n);
+      while (at >= 0 && !scene_from_bound_[at]) {
+        above.push_back(at);
+        at = parent_[at];
+      }
+      while (!above.empty()) {
+        const int node = above.back();
+        above.pop_back();
+        scene_from_bound_[node] = parent_[node] < 0
+                                      ? scene_from_node_[node]
+                                      : *scene_from_bound_[parent_[node]] *
+                                            LocalMatrix(model_.nodes[node]);
+      }
+    }
   }
 
   int AttributeOf(const tinygltf::Primitive& primitive,
@@ -273,22 +351,63 @@ class GlbReader {
     return found->second;
   }
 
-  void Append(const tinygltf::Primitive& primitive,
-              const tinygltf::Skin& skin,
-              const std::vector<Matrix4d>& bind,
-              SkinnedSurface* surface) {
-    if (primitive.mode != TINYGLTF_MODE_TRIANGLES && primitive.mode != -1) {
-      Fail("a skinned mesh is not made of triangles");
+  // Triples of indices of a primitive's vertices.
+  std::vector<std::array<std::size_t, 3>> Triples(
+      const tinygltf::Primitive& primitive, std::size_t num) const {
+    std::vector<std::size_t> indices;
+    if (primitive.indices >= 0) {
+      for (const double index : Numbers(primitive.indices, 1, "indices")) {
+        if (!(index >= 0 && index < static_cast<double>(num))) {
+          Fail("an index of a triangle is out of range");
+        }
+        indices.push_back(static_cast<std::size_t>(index));
+      }
+    } else {
+      for (std::size_t v = 0; v < num; ++v) indices.push_back(v);
     }
+    std::vector<std::array<std::size_t, 3>> triples;
+    switch (primitive.mode) {
+      case -1:
+      case TINYGLTF_MODE_TRIANGLES:
+        if (indices.size() % 3 != 0) {
+          Fail("indices do not make whole triangles");
+        }
+        for (std::size_t i = 0; i < indices.size(); i += 3) {
+          triples.push_back({indices[i], indices[i + 1], indices[i + 2]});
+        }
+        break;
+      case TINYGLTF_MODE_TRIANGLE_STRIP:
+        for (std::size_t i = 2; i < indices.size(); ++i) {
+          triples.push_back(
+              {indices[i - 2], indices[i - 1 + i % 2], indices[i - i % 2]});
+        }
+        break;
+      case TINYGLTF_MODE_TRIANGLE_FAN:
+        for (std::size_t i = 2; i < indices.size(); ++i) {
+          triples.push_back({indices[0], indices[i - 1], indices[i]});
+        }
+        break;
+      default:
+        Fail("a skinned mesh is not made of triangles");
+    }
+    return triples;
+  }
+
+  void Append(const tinygltf::Primitive& primitive,
+              int skin_index,
+              SkinnedSurface* surface) {
+    Check(skin_index, model_.skins.size(), "skin of a node");
+    const tinygltf::Skin& skin = model_.skins[skin_index];
     const std::vector<double> positions = Numbers(
         AttributeOf(primitive, "POSITION", "positions"), 3, "positions");
-    const std::vector<double> uv =
-        Numbers(AttributeOf(primitive, "TEXCOORD_0", "texture coordinates"),
-                2,
-                "texture coordinates");
     const std::size_t num = positions.size() / 3;
-    if (uv.size() != 2 * num) {
-      Fail("there are not as many texture coordinates as positions");
+    std::vector<double> uv;
+    if (primitive.attributes.count("TEXCOORD_0")) {
+      uv = Numbers(
+          primitive.attributes.at("TEXCOORD_0"), 2, "texture coordinates");
+      if (uv.size() != 2 * num) {
+        Fail("there are not as many texture coordinates as positions");
+      }
     }
     std::vector<std::vector<double>> joints, weights;
     for (int set = 0; set < 8; ++set) {
@@ -307,8 +426,9 @@ class GlbReader {
       }
     }
     std::vector<int> welded(num);
+    std::vector<bool> mirrored(num);  // the nodes turn the surface inside out
     for (std::size_t v = 0; v < num; ++v) {
-      Matrix4d blend = Matrix4d::Zero();
+      Matrix4d blend = Matrix4d::Zero(), bound = Matrix4d::Zero();
       std::map<int, double> of_node;
       double sum = 0;
       for (std::size_t set = 0; set < joints.size(); ++set) {
@@ -316,45 +436,42 @@ class GlbReader {
           const double weight = weights[set][4 * v + i];
           if (weight <= 0) continue;
           const int joint = static_cast<int>(joints[set][4 * v + i]);
-          Check(joint, bind.size(), "joint of a vertex");
-          blend += weight * bind[joint];
-          of_node[skin.joints[joint]] += weight;
+          Check(joint, skin.joints.size(), "joint of a vertex");
+          const int node = skin.joints[joint];
+          const Matrix4d& joint_from_mesh = joint_from_mesh_[skin_index][joint];
+          blend += weight * (scene_from_node_[node] * joint_from_mesh);
+          bound += weight * (*scene_from_bound_[node] * joint_from_mesh);
+          of_node[node] += weight;
           sum += weight;
         }
       }
       if (!(sum > 1e-6)) Fail("a vertex follows no joint");
-      const Vector3d place =
-          (blend / sum *
-           Vector3d(
-               positions[3 * v], positions[3 * v + 1], positions[3 * v + 2])
-               .homogeneous())
-              .head<3>();
-      if (!place.allFinite()) Fail("positions hold a value that is no number");
+      mirrored[v] = blend.topLeftCorner<3, 3>().determinant() < 0;
+      const Eigen::Vector4d position(
+          positions[3 * v], positions[3 * v + 1], positions[3 * v + 2], 1);
+      const Vector3d place = (blend * position).head<3>() / sum;
+      const Vector3d place_bound = (bound * position).head<3>() / sum;
+      if (!place.allFinite() || !place_bound.allFinite()) {
+        Fail("positions hold a value that is no number");
+      }
       welded[v] = Weld(place, surface);
-      if (surface->weights.size() < surface->vertices.size()) {
+      if (surface->weights.size() < surface->as_nodes.vertices.size()) {
+        surface->as_bound.vertices.push_back(place_bound);
         surface->weights.emplace_back();
         for (const auto& [node, weight] : of_node) {
           surface->weights.back().emplace_back(node, weight / sum);
         }
       }
     }
-    std::vector<double> indices;
-    if (primitive.indices >= 0) {
-      indices = Numbers(primitive.indices, 1, "indices");
-    } else {
-      for (std::size_t v = 0; v < num; ++v) indices.push_back(v);
-    }
-    if (indices.size() % 3 != 0) Fail("indices do not make whole triangles");
-    for (std::size_t i = 0; i < indices.size(); i += 3) {
+    for (std::array<std::size_t, 3> corners : Triples(primitive, num)) {
+      if (mirrored[corners[0]]) std::swap(corners[1], corners[2]);
       Triangle triangle;
       std::array<Eigen::Vector2f, 3> corner_uv;
       for (int k = 0; k < 3; ++k) {
-        const double index = indices[i + k];
-        if (!(index < static_cast<double>(num))) {
-          Fail("an index of a triangle is out of range");
-        }
-        const std::size_t v = static_cast<std::size_t>(index);
+        const std::size_t v = corners[k];
         triangle[k] = welded[v];
+        corner_uv[k].setConstant(std::numeric_limits<float>::quiet_NaN());
+        if (uv.empty()) continue;
         corner_uv[k] = {static_cast<float>(uv[2 * v]),
                         static_cast<float>(1 - uv[2 * v + 1])};
       }
@@ -364,6 +481,8 @@ class GlbReader {
       }
       surface->triangles.push_back(triangle);
       surface->uv.push_back(corner_uv);
+      surface->material.push_back(primitive.material);
+      surface->mesh.push_back(static_cast<int>(surface->mesh_name.size()) - 1);
     }
   }
 
@@ -382,14 +501,15 @@ class GlbReader {
           const auto found =
               places_.find({key[0] + dx, key[1] + dy, key[2] + dz});
           if (found == places_.end()) continue;
-          if ((surface->vertices[found->second] - place).norm() <= cell_) {
+          if ((surface->as_nodes.vertices[found->second] - place).norm() <=
+              cell_) {
             return found->second;
           }
         }
       }
     }
-    const int vertex = static_cast<int>(surface->vertices.size());
-    surface->vertices.push_back(place);
+    const int vertex = static_cast<int>(surface->as_nodes.vertices.size());
+    surface->as_nodes.vertices.push_back(place);
     places_.emplace(key, vertex);
     return vertex;
   }
@@ -398,6 +518,9 @@ class GlbReader {
   tinygltf::Model model_;
   std::vector<int> parent_;
   std::vector<Matrix4d> scene_from_node_;
+  std::vector<std::optional<Matrix4d>> scene_from_bound_;  // per node
+  std::vector<std::vector<Matrix4d>> joint_from_mesh_;     // per skin and joint
+  std::vector<Matrix4d> scene_from_mesh_;                  // per skin, bound
   double cell_ = 0;  // side of a cell of the grid for welding
   std::map<std::array<std::int64_t, 3>, int> places_;
 };

@@ -86,12 +86,28 @@ std::string Essence(std::string_view name) {
   return essence;
 }
 
+// Without the number that some exporters append: "Hips_02" of Sketchfab.
+std::string_view WithoutNumber(std::string_view name) {
+  std::size_t end = name.size();
+  while (end > 0 && std::isdigit(static_cast<unsigned char>(name[end - 1]))) {
+    --end;
+  }
+  return end > 1 && end < name.size() && name[end - 1] == '_'
+             ? name.substr(0, end - 1)
+             : name;
+}
+
 int Find(const std::vector<std::string>& names, const std::string& wanted) {
   const auto exact = std::find(names.begin(), names.end(), wanted);
   if (exact != names.end()) return static_cast<int>(exact - names.begin());
   const std::string essence = Essence(wanted);
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (!names[i].empty() && Essence(names[i]) == essence) {
+      return static_cast<int>(i);
+    }
+  }
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (!names[i].empty() && Essence(WithoutNumber(names[i])) == essence) {
       return static_cast<int>(i);
     }
   }
@@ -136,6 +152,7 @@ std::string Join(const std::vector<std::string>& words) {
 }
 
 [[noreturn]] void FailIncomplete(const std::string& source,
+                                 const std::vector<std::string>& names,
                                  const JointMatch& match,
                                  const JointNameMap& map) {
   std::vector<std::string> unmapped;
@@ -146,9 +163,19 @@ std::string Join(const std::vector<std::string>& words) {
     }
     unmapped.push_back(line);
   }
-  throw InputError(source + ": the joint names of '" + match.map +
-                   "' leave these joints unmapped: " + Join(unmapped) +
-                   "; name them in a map file");
+  std::vector<std::string> there;
+  constexpr std::size_t kMostNames = 60;
+  for (const std::string& name : names) {
+    if (name.empty()) continue;
+    there.push_back(there.size() < kMostNames ? name : "...");
+    if (there.size() > kMostNames) break;
+  }
+  throw InputError(
+      source + ": the joint names of '" + match.map +
+      "' leave these joints unmapped: " + Join(unmapped) +
+      "; name them in a map file, a line such as '" +
+      std::string(kJointNames[Missing(match).front()]) +
+      ": NAME' for each joint. The names there are: " + Join(there));
 }
 
 void CheckDistinct(const std::string& source,
@@ -233,7 +260,7 @@ JointMatch MatchJointNames(const std::vector<std::string>& names,
     }
   }
   const JointMatch match = Match(names, map);
-  if (!Missing(match).empty()) FailIncomplete(source, match, map);
+  if (!Missing(match).empty()) FailIncomplete(source, names, match, map);
   CheckDistinct(source, names, match);
   return match;
 }

@@ -6,15 +6,17 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <nanoflann.hpp>
 #include <numbers>
 
+#include "model/glb_surface.h"
 #include "model/input_error.h"
 #include "model/joint_names.h"
 #include "model/skeleton.h"
+#include "model/surface_repair.h"
 #include "model/sweep.h"
 #include "model/template.h"
+#include "model/texture_atlas.h"
 
 namespace sweepfit {
 namespace {
@@ -45,30 +47,34 @@ class Importer {
  public:
   Importer(const std::string& path, const std::string& names)
       : path_(path), surface_(LoadSkinnedSurface(path)) {
-    CheckSurface();
-    match_ = MatchJointNames(surface_.node_name, names, path);
-    StandUpright();
+    match_ = MatchJointNames(NamesOfSkeleton(), names, path);
+    TakePosture();
+    TurnUpright();
+    const std::string fault = RepairSurface(&surface_, &vertices_, &notes_);
+    if (!fault.empty()) Fail(fault);
+    ScaleToMetres();
     AssignNodes();
     PlaceJoints();
   }
+
+  const std::vector<std::string>& notes() const { return notes_; }
 
   Body Make() {
     Body body;
     MakeTopology(&body);
     body.skeleton = SkeletonOf(joints_);
     double lowest = 0, highest = 0;
-    for (const Vector3d& vertex : surface_.vertices) {
+    for (const Vector3d& vertex : vertices_) {
       lowest = std::min(lowest, vertex.y());
       highest = std::max(highest, vertex.y());
     }
     body.stature = highest - lowest;
     constexpr double kDensity = 1000;  // kg per cubic metre
-    body.mass =
-        kDensity * EnclosedVolume({surface_.vertices, surface_.triangles});
+    body.mass = kDensity * EnclosedVolume({vertices_, surface_.triangles});
     TemplateOptions options;
     options.stature = std::clamp(body.stature, 0.6, 2.5);
     const Body pattern = BuildTemplate(options);
-    Bind(surface_.vertices, pattern, &body);
+    Bind(vertices_, pattern, &body);
     if (HeldOtherwise(body.skeleton, pattern.skeleton)) {
       TakeRestPose(pattern, &body);
     }
@@ -86,38 +92,90 @@ class Importer {
 
   // -------------------------------------------------------------- surface
 
-  void CheckSurface() const {
-    const TriangleMesh mesh{surface_.vertices, surface_.triangles};
-    const MeshTopology topology = CheckTopology(mesh);
-    const auto count = [](int number, const char* what) {
-      return std::to_string(number) + " " + what;
-    };
-    if (topology.num_components != 1) {
-      Fail("the skinned surface must be one piece but has " +
-           count(topology.num_components, "pieces"));
+  // Names of joints and of what stands above or below them; those of other
+  // nodes, such as meshes, are of no account.
+  std::vector<std::string> NamesOfSkeleton() const {
+    const std::size_t num = surface_.node_name.size();
+    std::vector<bool> of_skeleton = surface_.is_joint;
+    for (std::size_t n = 0; n < num; ++n) {
+      bool below = false;
+      for (int at = static_cast<int>(n); at >= 0;
+           at = surface_.node_parent[at]) {
+        below = below || surface_.is_joint[at];
+        if (surface_.is_joint[n]) of_skeleton[at] = true;
+      }
+      if (below) of_skeleton[n] = true;
     }
-    if (!topology.IsClosedManifold()) {
-      Fail("the skinned surface must be closed; it has " +
-           count(topology.num_boundary_edges, "open edges, ") +
-           count(topology.num_non_manifold_edges +
-                     topology.num_non_manifold_vertices,
-                 "edges or vertices where it branches, ") +
-           count(topology.num_misoriented_edges,
-                 "edges between faces of opposite orientation"));
+    std::vector<std::string> names = surface_.node_name;
+    for (std::size_t n = 0; n < num; ++n) {
+      if (!of_skeleton[n]) names[n].clear();
     }
-    if (!(EnclosedVolume(mesh) > 0)) Fail("the surface is turned inside out");
+    return names;
   }
 
-  // Faces +Z, root between the hips at the origin, metres.
-  void StandUpright() {
+  // How far elbows, knees and trunk are bent, radians.
+  double BendOf(const std::vector<Vector3d>& nodes) const {
+    const auto at = [&](int joint) { return nodes[match_.index[joint]]; };
+    const auto angle = [](const Vector3d& a, const Vector3d& b) {
+      return std::atan2(a.cross(b).norm(), a.dot(b));
+    };
+    double bend = 0;
+    for (const int first : {kLShoulder, kRShoulder, kLHip, kRHip}) {
+      bend += angle(at(first + 1) - at(first), at(first + 2) - at(first + 1));
+    }
+    const Vector3d trunk = at(kNeck) - (at(kLHip) + at(kRHip)) / 2;
+    for (const int hip : {kLHip, kRHip}) {
+      bend += angle(trunk, at(hip) - at(hip + 1));
+    }
+    return bend;
+  }
+
+  void TakePosture() {
+    constexpr double kClearly = 20 * std::numbers::pi / 180;
+    const bool bound = BendOf(surface_.as_bound.nodes) + kClearly <
+                       BendOf(surface_.as_nodes.nodes);
+    if (bound) {
+      notes_.push_back(
+          "the nodes hold the person bent: taken as the skin was bound");
+    }
+    const SkinnedSurface::Posture& posture =
+        bound ? surface_.as_bound : surface_.as_nodes;
+    vertices_ = posture.vertices;
+    nodes_ = posture.nodes;
+  }
+
+  // Along +Y, facing +Z, the middle between the hips at the origin.
+  void TurnUpright() {
     const auto at = [this](int joint) -> const Vector3d& {
-      return surface_.node_in_scene[match_.index[joint]];
+      return nodes_[match_.index[joint]];
+    };
+    const auto turn = [&](const Vector3d& from, const Vector3d& to) {
+      // Half a turn could be about any axis across.
+      const Matrix3d rotation =
+          from.normalized().dot(to) < -0.999
+              ? Eigen::AngleAxisd(
+                    std::numbers::pi,
+                    to.y() > 0 ? Vector3d::UnitX() : Vector3d::UnitY())
+                    .toRotationMatrix()
+              : Quaterniond::FromTwoVectors(from, to).toRotationMatrix();
+      for (Vector3d& vertex : vertices_) vertex = rotation * vertex;
+      for (Vector3d& node : nodes_) node = rotation * node;
     };
     const Vector3d hips = (at(kLHip) + at(kRHip)) / 2;
-    const Vector3d up = at(kNeck) - hips;
-    if (!(up.y() > 0.8 * up.norm())) {
-      Fail("the person must stand upright along +Y: '" + NameOf(kNeck) +
+    for (Vector3d& vertex : vertices_) vertex -= hips;
+    for (Vector3d& node : nodes_) node -= hips;
+    const Vector3d up = at(kNeck);
+    int axis = 0;
+    const double along = up.cwiseAbs().maxCoeff(&axis);
+    if (!(along > 0.8 * up.norm())) {
+      Fail("the person must stand upright along an axis: '" + NameOf(kNeck) +
            "' is not above the hips");
+    }
+    turn(std::copysign(1.0, up[axis]) * Vector3d::Unit(axis),
+         Vector3d::UnitY());
+    if (axis != 1 || up.y() < 0) {
+      notes_.push_back(std::string("the person stood along ") +
+                       (up[axis] < 0 ? "-" : "+") + "XYZ"[axis]);
     }
     Vector3d left = at(kLHip) - at(kRHip);
     left.y() = 0;
@@ -125,30 +183,32 @@ class Importer {
       Fail("'" + NameOf(kLHip) + "' and '" + NameOf(kRHip) +
            "' are at the same place");
     }
+    turn(left, Vector3d::UnitX());
+  }
+
+  // The whole height counts; what units a file has does not matter much,
+  // because a fit sets the stature.
+  void ScaleToMetres() {
     Eigen::AlignedBox3d box;
-    for (const Vector3d& vertex : surface_.vertices) box.extend(vertex);
+    for (const Vector3d& vertex : vertices_) box.extend(vertex);
     const double height = box.sizes().y();
-    double scale = 1;
-    if (height >= 60 && height <= 250) scale = 0.01;
-    if (!(scale * height >= 0.6 && scale * height <= 2.5)) {
-      char number[32];
-      std::snprintf(number, sizeof(number), "%.3g", height);
-      Fail(std::string("the person is ") + number +
-           " units tall; it must be .6 to 2.5 (metres) or 60 to 250 (cm)");
+    double scale = 0;
+    for (const double unit : {1.0, 0.01, 0.001}) {
+      if (unit * height >= 0.6 && unit * height <= 2.5) scale = unit;
     }
-    const Matrix3d turn =
-        Quaterniond::FromTwoVectors(left, Vector3d::UnitX()).toRotationMatrix();
-    // Half a turn could be about any axis across: take the vertical one.
-    const Matrix3d rotation =
-        left.x() < -0.999 * left.norm()
-            ? Eigen::AngleAxisd(std::numbers::pi, Vector3d::UnitY())
-                  .toRotationMatrix()
-            : turn;
-    const auto place = [&](Vector3d* point) {
-      *point = scale * (rotation * (*point - hips));
-    };
-    for (Vector3d& vertex : surface_.vertices) place(&vertex);
-    for (Vector3d& node : surface_.node_in_scene) place(&node);
+    if (scale == 0) {
+      constexpr double kStature = 1.70;
+      scale = kStature / height;
+      char text[80];
+      std::snprintf(text,
+                    sizeof(text),
+                    "the person is %.3g units tall: scaled to %.2f m",
+                    height,
+                    kStature);
+      notes_.push_back(text);
+    }
+    for (Vector3d& vertex : vertices_) vertex *= scale;
+    for (Vector3d& node : nodes_) node *= scale;
   }
 
   // --------------------------------------------------------------- joints
@@ -203,17 +263,16 @@ class Importer {
     double furthest = 0;
     for (std::size_t v = 0; v < main_joint_.size(); ++v) {
       if (!Carries(joint, v)) continue;
-      furthest =
-          std::max(furthest, direction.dot(surface_.vertices[v] - start));
+      furthest = std::max(furthest, direction.dot(vertices_[v] - start));
     }
     Vector3d mean = Vector3d::Zero();
     int count = 0;
     for (std::size_t v = 0; v < main_joint_.size(); ++v) {
       if (!Carries(joint, v)) continue;
-      if (direction.dot(surface_.vertices[v] - start) < 0.95 * furthest) {
+      if (direction.dot(vertices_[v] - start) < 0.95 * furthest) {
         continue;
       }
-      mean += surface_.vertices[v] - start;
+      mean += vertices_[v] - start;
       ++count;
     }
     if (count == 0) {
@@ -233,7 +292,7 @@ class Importer {
     int count = 0;
     for (std::size_t v = 0; v < main_joint_.size(); ++v) {
       if (!Carries(joint, v)) continue;
-      mean += surface_.vertices[v];
+      mean += vertices_[v];
       ++count;
     }
     return count > 0 ? Vector3d(mean / count) : joints_[joint];
@@ -243,7 +302,7 @@ class Importer {
     joints_.fill(Vector3d::Zero());
     for (int joint = 1; joint < kNumJoints; ++joint) {
       if (match_.index[joint] >= 0) {
-        joints_[joint] = surface_.node_in_scene[match_.index[joint]];
+        joints_[joint] = nodes_[match_.index[joint]];
       }
     }
     // Rigs put their root anywhere near; ours lies between the hips.
@@ -278,6 +337,13 @@ class Importer {
       along.y() = 0;
       if (along.norm() < 1e-6) along = Vector3d::UnitZ();
       joints_[end] = TipOf(ankle, along.normalized());
+    }
+    for (const int ankle : {kLAnkle, kRAnkle}) {
+      const Vector3d foot = joints_[ankle + 1] - joints_[ankle];
+      if (foot.z() < -0.3 * foot.norm()) {
+        Fail("the foot of '" + NameOf(ankle) +
+             "' points backwards: are left and right exchanged?");
+      }
     }
     for (int joint = 1; joint < kNumJoints; ++joint) {
       const double length =
@@ -338,8 +404,18 @@ class Importer {
     }
   }
 
-  void MakeTopology(Body* body) const {
+  void MakeTopology(Body* body) {
     BodyTopology& topology = body->topology;
+    for (const int joint : main_joint_) topology.part.push_back(PartOf(joint));
+    std::vector<int> group;
+    for (const Triangle& triangle : surface_.triangles) {
+      group.push_back(static_cast<int>(topology.part[triangle[0]]));
+    }
+    const std::string note = FitTextureAtlas({vertices_, surface_.triangles},
+                                             surface_.material,
+                                             group,
+                                             &surface_.uv);
+    if (!note.empty()) notes_.push_back(note);
     for (std::size_t t = 0; t < surface_.triangles.size(); ++t) {
       const Triangle& triangle = surface_.triangles[t];
       const auto& uv = surface_.uv[t];
@@ -347,14 +423,13 @@ class Importer {
           {triangle[0], triangle[1], triangle[2], triangle[2]});
       topology.uv.push_back({uv[0], uv[1], uv[2], uv[2]});
     }
-    for (const int joint : main_joint_) topology.part.push_back(PartOf(joint));
     FindMirror(&topology);
   }
 
   // The vertex nearest to each one's mirror image, where they are each other's;
   // else itself.
   void FindMirror(BodyTopology* topology) const {
-    const Cloud cloud{surface_.vertices};
+    const Cloud cloud{vertices_};
     using Tree = nanoflann::KDTreeSingleIndexAdaptor<
         nanoflann::L2_Simple_Adaptor<double, Cloud>,
         Cloud,
@@ -362,12 +437,11 @@ class Importer {
         std::size_t>;
     Tree tree(3, cloud, nanoflann::KDTreeSingleIndexAdaptorParams());
     tree.buildIndex();
-    const int num = static_cast<int>(surface_.vertices.size());
+    const int num = static_cast<int>(vertices_.size());
     std::vector<int> nearest(num);
     constexpr double kTolerance = 0.005;  // metres
     for (int v = 0; v < num; ++v) {
-      const Vector3d image =
-          surface_.vertices[v].cwiseProduct(Vector3d(-1, 1, 1));
+      const Vector3d image = vertices_[v].cwiseProduct(Vector3d(-1, 1, 1));
       std::size_t found = 0;
       double distance = 0;
       tree.knnSearch(image.data(), 1, &found, &distance);
@@ -623,6 +697,9 @@ class Importer {
 
   std::string path_;
   SkinnedSurface surface_;
+  std::vector<Vector3d> vertices_;  // in the posture that was taken
+  std::vector<Vector3d> nodes_;
+  std::vector<std::string> notes_;
   JointMatch match_;
   std::vector<int> joint_of_node_;
   std::vector<std::array<double, kNumJoints>> weight_of_joint_;  // per vertex
@@ -632,8 +709,16 @@ class Importer {
 
 }  // namespace
 
-Body ImportTemplate(const std::string& path, const std::string& names) {
-  return Importer(path, names).Make();
+Body ImportTemplate(const std::string& path,
+                    const std::string& names,
+                    std::vector<std::string>* notes) {
+  Importer importer(path, names);
+  Body body = importer.Make();
+  if (notes != nullptr) {
+    notes->insert(
+        notes->end(), importer.notes().begin(), importer.notes().end());
+  }
+  return body;
 }
 
 }  // namespace sweepfit

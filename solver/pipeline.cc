@@ -80,10 +80,19 @@ double BestStature(const std::vector<LandmarkResult>& landmarks) {
   return std::clamp(best->stature, 0.6, 2.5);
 }
 
-// The body to start from, whatever its stature; none: the generic one.
-std::optional<Body> ReadTemplate(const TemplateSource& source) {
+// The body to start from, whatever its stature; none: the generic one. What was
+// done to a file goes to `progress`.
+std::optional<Body> ReadTemplate(const TemplateSource& source,
+                                 Progress* progress) {
   if (source.file == "generic") return std::nullopt;
-  return ImportTemplate(source.file, source.names);
+  std::vector<std::string> notes;
+  std::optional<Body> body = ImportTemplate(source.file, source.names, &notes);
+  if (progress != nullptr) {
+    for (const std::string& note : notes) {
+      progress->Warning(source.file + ": " + note);
+    }
+  }
+  return body;
 }
 
 Body StartBody(const std::optional<Body>& imported, double stature) {
@@ -219,7 +228,8 @@ FitResult FitObserved(
     const FitOptions& options,
     Progress* progress) {
   const int until = FindFitStage(options.until);
-  const std::optional<Body> imported = ReadTemplate(options.body_template);
+  const std::optional<Body> imported =
+      ReadTemplate(options.body_template, nullptr);
   FitResult result;
   result.camera_ids = camera_ids;
   std::vector<LandmarkResult> landmarks;
@@ -376,7 +386,7 @@ FitResult Fit(const Capture& capture,
     throw InputError("a fit needs at least two cameras");
   }
   // A file that does not serve is told before the pictures are looked at.
-  ReadTemplate(options.body_template);
+  ReadTemplate(options.body_template, progress);
   std::vector<std::shared_ptr<const Observation>> observations;
   for (const std::string& name : pose_names) {
     observations.push_back(std::make_shared<Observation>(

@@ -8,11 +8,13 @@
 #include "experiments/metrics.h"
 #include "experiments/result_folder.h"
 #include "experiments/synthetic.h"
+#include "model/file_io.h"
 #include "model/gltf.h"
 #include "model/input_error.h"
 #include "model/lbs.h"
 #include "model/template.h"
 #include "solver/pipeline.h"
+#include "tests/support/foreign_rig.h"
 #include "tests/support/temporary_folder.h"
 
 namespace sweepfit {
@@ -197,6 +199,38 @@ TEST(Fit, StartsFromAnImportedTemplate) {
   options.body_template.file = (folder.path() / "none.glb").string();
   EXPECT_THROW(Fit(capture, {"A"}, CameraIds(capture), options, nullptr),
                InputError);
+}
+
+// A rig of another make ends where our own template does.
+TEST(Fit, AForeignRigIsAsAccurateAsOurTemplate) {
+  const TemporaryFolder folder;
+  const Capture capture =
+      WriteSyntheticCapture(folder.path() / "capture", SmallCapture(), nullptr);
+  const std::filesystem::path truth = capture.folder / "truth" / "A";
+  const TriangleMesh surface = LoadPly((truth / "surface.ply").string());
+  const std::string file = (folder.path() / "foreign.glb").string();
+  WriteWholeFile(ForeignRig{}.Glb(BuildTemplate({.sex = 0.9, .stature = 1.85})),
+                 file);
+  std::array<double, 2> joints{}, distance{};
+  for (const bool foreign : {false, true}) {
+    FitOptions options;
+    if (foreign) options.body_template.file = file;
+    options.until = "refine";
+    const FitResult result =
+        Fit(capture, {"A"}, CameraIds(capture), options, nullptr);
+    const TriangleMesh mesh =
+        PosedMesh(result.body, result.poses[0].vertices_in_world);
+    EXPECT_TRUE(CheckTopology(mesh).IsClosedManifold());
+    joints[foreign] = CompareJoints(Joints(result.poses[0]),
+                                    LoadTruthJoints(truth / "joints.json"))
+                          .limb_mpjpe;
+    distance[foreign] = CompareSurfaces(mesh, surface, 10000, 1).mean +
+                        CompareSurfaces(surface, mesh, 10000, 1).mean;
+  }
+  RecordProperty("joints_um", static_cast<int>(1e6 * joints[1]));
+  RecordProperty("surface_um", static_cast<int>(5e5 * distance[1]));
+  EXPECT_LT(joints[1], joints[0] + 0.010);
+  EXPECT_LT(distance[1], 1.3 * distance[0]);
 }
 
 TEST(Fit, RefusesWhatItCannotFit) {
