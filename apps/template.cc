@@ -129,9 +129,9 @@ void AddTemplateVerb(CLI::App* command, std::function<void()>* run) {
       ->capture_default_str();
   AddCommonArguments(verb, &arguments->common);
   verb->footer(
-      "Examples:\n"
-      "  sweepfit template --out woman --sex 0 --stature 1.65\n"
-      "  sweepfit template --out mine --from person.glb");
+      "Example: sweepfit template --out woman --sex 0 --stature 1.65\n"
+
+      "Example: sweepfit template --out mine --from person.glb");
   verb->callback(
       [arguments, run] { *run = [arguments] { RunTemplate(*arguments); }; });
 }

@@ -38,17 +38,23 @@ std::vector<Interval> Runs(const std::vector<bool>& flags) {
   return runs;
 }
 
+// Beyond the ends values go on as they come, mirrored in the end, so that
+// speeds there are not halved.
 std::vector<double> Gaussian(const std::vector<double>& values, double sigma) {
   const int num = static_cast<int>(values.size());
-  const int reach = static_cast<int>(std::ceil(3 * sigma));
+  const int reach = std::min(static_cast<int>(std::ceil(3 * sigma)), num - 1);
+  const auto at = [&](int k) {
+    if (k < 0) return 2 * values.front() - values[-k];
+    if (k >= num) return 2 * values.back() - values[2 * (num - 1) - k];
+    return values[k];
+  };
   std::vector<double> smooth(num);
   for (int t = 0; t < num; ++t) {
     double sum = 0, weights = 0;
-    for (int k = std::max(0, t - reach); k <= std::min(num - 1, t + reach);
-         ++k) {
+    for (int k = t - reach; k <= t + reach; ++k) {
       const double z = sigma > 0 ? (k - t) / sigma : 0;
       const double weight = std::exp(-0.5 * z * z);
-      sum += weight * values[k];
+      sum += weight * at(k);
       weights += weight;
     }
     smooth[t] = sum / weights;
@@ -111,27 +117,34 @@ Quaterniond Mean(const std::vector<Quaterniond>& rotations) {
 
 // Where a foot goes when it does not slide.
 class FootPath {
+  // In leg lengths: from the motion, and from the hip while the foot comes or
+  // leaves. The root sinks for a leg that is short.
+  static constexpr double kFurthest = 0.1;
+  static constexpr double kStretch = 1.012;
+
  public:
   FootPath(const FootShape& foot,
            const FootContact& contact,
            double frame_time,
+           double leg_length,
+           const std::vector<Vector3d>& hip_in_world,
            std::vector<FootPose> free)
-      : foot_(foot), contact_(contact), free_(std::move(free)) {
+      : foot_(foot),
+        contact_(contact),
+        leg_length_(leg_length),
+        hip_in_world_(hip_in_world),
+        free_(std::move(free)) {
     const int num = static_cast<int>(free_.size());
     ramp_ = std::max(1.0, 0.12 / frame_time);
     correction_.assign(num, Vector3d::Zero());
     fixed_ = free_;
-    std::vector<bool> stands(num);
-    for (int t = 0; t < num; ++t)
-      stands[t] = contact.heel[t] || contact.ball[t];
-    const std::vector<Interval> stances = Runs(stands);
-    for (const Interval& stance : stances) Hold(stance);
+    std::vector<Interval> stances = Runs(contact.stance);
+    for (Interval& stance : stances) Hold(&stance);
     Bridge(stances);
     for (int t = 0; t < num; ++t) {
       fixed_[t].ankle_in_world += correction_[t];
       // Nothing goes through the floor.
-      const double lowest =
-          std::min((fixed_[t] * foot_.heel).y(), (fixed_[t] * foot_.ball).y());
+      const double lowest = (fixed_[t] * Lowest(t)).y();
       if (lowest < 0) fixed_[t].ankle_in_world.y() -= lowest;
     }
   }
@@ -139,49 +152,101 @@ class FootPath {
   const std::vector<FootPose>& fixed() const { return fixed_; }
 
  private:
-  // The place of one stance, and the corrections that keep the foot there.
-  void Hold(const Interval& stance) {
-    std::vector<bool> both(free_.size());
-    std::vector<Quaterniond> rotations;
-    for (int t = stance.begin; t < stance.end; ++t) {
-      both[t] = contact_.heel[t] && contact_.ball[t];
-      if (both[t]) rotations.push_back(free_[t].world_from_ankle);
-    }
-    if (rotations.empty()) {
-      HoldPoint(stance);
-      return;
-    }
-    FootPose place;
-    place.world_from_ankle = Flat(foot_, Mean(rotations));
-    Vector3d middle = Vector3d::Zero();
-    for (int t = stance.begin; t < stance.end; ++t) {
-      if (both[t]) middle += free_[t] * Middle();
-    }
-    middle /= static_cast<double>(rotations.size());
-    place.ankle_in_world = OnFloor(middle) - place.world_from_ankle * Middle();
-    const Vector3d heel = place * foot_.heel, ball = place * foot_.ball;
-
-    TurnTo(place.world_from_ankle, Runs(both));
-    for (int t = stance.begin; t < stance.end; ++t) {
-      const FootPose turned{free_[t].ankle_in_world,
-                            fixed_[t].world_from_ankle};
-      if (contact_.heel[t]) correction_[t] += heel - turned * foot_.heel;
-      if (contact_.ball[t]) correction_[t] += ball - turned * foot_.ball;
-      if (both[t]) correction_[t] /= 2;
-    }
+  // The point of the sole that is lowest as the foot is turned in a frame.
+  const Vector3d& Lowest(int frame) const {
+    const Vector3d up =
+        fixed_[frame].world_from_ankle.conjugate() * Vector3d::UnitY();
+    return *std::min_element(
+        foot_.sole.begin(),
+        foot_.sole.end(),
+        [&](const auto& a, const auto& b) { return a.dot(up) < b.dot(up); });
   }
 
-  // A stance that never comes down flat, on heel or ball only.
-  void HoldPoint(const Interval& stance) {
-    int on_heel = 0;
-    for (int t = stance.begin; t < stance.end; ++t) on_heel += contact_.heel[t];
-    const Vector3d& point =
-        2 * on_heel > stance.end - stance.begin ? foot_.heel : foot_.ball;
-    Vector3d mean = Vector3d::Zero();
-    for (int t = stance.begin; t < stance.end; ++t) mean += free_[t] * point;
-    mean = OnFloor(mean / (stance.end - stance.begin));
-    for (int t = stance.begin; t < stance.end; ++t) {
-      correction_[t] = mean - free_[t] * point;
+  // The place of one stance, and the corrections that keep the foot there.
+  // Shortens the stance to where they are small.
+  void Hold(Interval* stance) {
+    std::vector<int> flat;  // frames
+    for (int t = stance->begin; t < stance->end; ++t) {
+      if (contact_.heel[t] && contact_.ball[t]) flat.push_back(t);
+    }
+    std::vector<Vector3d> place(free_.size());  // of the ankle
+    int rest = (stance->begin + stance->end) / 2;
+    if (flat.empty()) {
+      // On heel or toes only.
+      const Vector3d point = free_[rest] * Lowest(rest);
+      place[rest] = free_[rest].ankle_in_world + OnFloor(point) - point;
+    } else {
+      const Quaterniond level = Flat(foot_, MeanRotation(flat));
+      Flatten(*stance, level);
+      rest = flat[flat.size() / 2];
+      Vector3d middle = Vector3d::Zero();
+      for (const int t : flat) middle += free_[t] * Middle();
+      middle = OnFloor(middle / static_cast<double>(flat.size()));
+      place[rest] = middle - fixed_[rest].world_from_ankle * Middle();
+      place[rest].y() =
+          middle.y() - (fixed_[rest].world_from_ankle * Lowest(rest)).y();
+    }
+    const auto roll = [&](int from, int to) {
+      const Vector3d& point = Lowest(from);
+      place[to] = place[from] + fixed_[from].world_from_ankle * point -
+                  fixed_[to].world_from_ankle * point;
+      // The next point may have come down.
+      place[to].y() += (fixed_[to].world_from_ankle * (point - Lowest(to))).y();
+    };
+    for (int t = rest + 1; t < stance->end; ++t) roll(t - 1, t);
+    for (int t = rest - 1; t >= stance->begin; --t) roll(t + 1, t);
+
+    for (int t = stance->begin; t < stance->end; ++t) {
+      correction_[t] = place[t] - free_[t].ankle_in_world;
+    }
+    const auto far = [&](int t) {
+      const bool coming = !contact_.heel[t] && !contact_.ball[t];
+      return (correction_[t] - correction_[rest]).norm() >
+                 kFurthest * leg_length_ ||
+             (coming &&
+              (place[t] - hip_in_world_[t]).norm() > kStretch * leg_length_);
+    };
+    int begin = rest, end = rest + 1;
+    while (begin > stance->begin && !far(begin - 1)) --begin;
+    while (end < stance->end && !far(end)) ++end;
+    *stance = {begin, end};
+  }
+
+  // Of the frames in which the foot is level; it may roll in and out of it.
+  Quaterniond MeanRotation(const std::vector<int>& frames) const {
+    constexpr double kLevel = 5 * std::numbers::pi / 180;
+    std::vector<Quaterniond> chosen;
+    for (const int t : frames) chosen.push_back(free_[t].world_from_ankle);
+    Quaterniond mean = Mean(chosen);
+    for (int round = 0; round < 2; ++round) {
+      chosen.clear();
+      for (const int t : frames) {
+        if (free_[t].world_from_ankle.angularDistance(mean) < kLevel) {
+          chosen.push_back(free_[t].world_from_ankle);
+        }
+      }
+      if (chosen.empty()) break;
+      mean = Mean(chosen);
+    }
+    return mean;
+  }
+
+  // Holds the foot level while the motion nearly does; it follows the motion
+  // where that turns it further, and before and after.
+  void Flatten(const Interval& stance, const Quaterniond& level) {
+    constexpr double kDegree = std::numbers::pi / 180;
+    const int num = static_cast<int>(free_.size());
+    const int reach = static_cast<int>(std::ceil(ramp_));
+    const int begin = std::max(0, stance.begin - reach);
+    const int end = std::min(num, stance.end + reach);
+    for (int t = begin; t < end; ++t) {
+      const double away = std::max({0, stance.begin - t, t + 1 - stance.end});
+      const double turned =
+          free_[t].world_from_ankle.angularDistance(level) / kDegree;
+      const double weight =
+          SmoothStep(1 - away / ramp_) * SmoothStep((10 - turned) / 7);
+      fixed_[t].world_from_ankle =
+          fixed_[t].world_from_ankle.slerp(weight, level);
     }
   }
 
@@ -192,25 +257,6 @@ class FootPath {
     constexpr double kStep = 0.06;  // metres
     if (std::abs(point.y()) < kStep) point.y() = 0;
     return point;
-  }
-
-  // Turns the foot to the orientation of its place while it is flat, and in and
-  // out of it before and after.
-  void TurnTo(const Quaterniond& rotation, const std::vector<Interval>& flat) {
-    const int num = static_cast<int>(free_.size());
-    const int reach = static_cast<int>(std::ceil(ramp_));
-    const int begin = std::max(0, flat.front().begin - reach);
-    const int end = std::min(num, flat.back().end + reach);
-    for (int t = begin; t < end; ++t) {
-      double weight = 0;
-      for (const Interval& interval : flat) {
-        const double away =
-            std::max({0, interval.begin - t, t + 1 - interval.end});
-        weight = std::max(weight, SmoothStep(1 - away / ramp_));
-      }
-      fixed_[t].world_from_ankle =
-          fixed_[t].world_from_ankle.slerp(weight, rotation);
-    }
   }
 
   // Between stances the correction passes from the last to the next.
@@ -233,6 +279,8 @@ class FootPath {
 
   const FootShape& foot_;
   const FootContact& contact_;
+  double leg_length_;
+  const std::vector<Vector3d>& hip_in_world_;
   std::vector<FootPose> free_;
   double ramp_ = 1;  // frames
   std::vector<Vector3d> correction_;
@@ -305,6 +353,37 @@ void ReachAnkle(const Skeleton& skeleton,
 
 }  // namespace
 
+namespace {
+
+// The vertices on which a foot stands for pitches up to 80 degrees and rolls up
+// to 40, from the ankle.
+std::vector<Vector3d> SoleOf(const std::vector<Vector3d>& vertices,
+                             const Vector3d& ankle) {
+  std::vector<Vector3d> sole;
+  if (vertices.empty()) return sole;
+  constexpr double kDegree = std::numbers::pi / 180;
+  for (int pitch = -80; pitch <= 80; pitch += 5) {
+    for (int roll = -40; roll <= 40; roll += 10) {
+      const Vector3d down(std::sin(roll * kDegree),
+                          -std::cos(roll * kDegree) * std::cos(pitch * kDegree),
+                          std::cos(roll * kDegree) * std::sin(pitch * kDegree));
+      const Vector3d furthest =
+          *std::max_element(vertices.begin(),
+                            vertices.end(),
+                            [&](const Vector3d& a, const Vector3d& b) {
+                              return a.dot(down) < b.dot(down);
+                            }) -
+          ankle;
+      if (std::find(sole.begin(), sole.end(), furthest) == sole.end()) {
+        sole.push_back(furthest);
+      }
+    }
+  }
+  return sole;
+}
+
+}  // namespace
+
 std::array<FootShape, 2> MeasureFeet(const Body& body) {
   const std::vector<Vector3d> rest = RestVertices(body);
   const JointFrames frames = RestFrames(body.skeleton);
@@ -345,13 +424,16 @@ std::array<FootShape, 2> MeasureFeet(const Body& body) {
     };
     feet[side].heel = sole_at(0, 0.2);
     feet[side].ball = sole_at(0.7, 0.9);
+    feet[side].sole = SoleOf(vertices, frames.joint_in_world[ankle]);
+    if (vertices.empty()) feet[side].sole = {feet[side].heel, feet[side].ball};
   }
   return feet;
 }
 
 std::vector<bool> FindStanding(const std::vector<Vector3d>& point,
                                double frame_time,
-                               double leg_length) {
+                               double leg_length,
+                               double most_speed) {
   const int num = static_cast<int>(point.size());
   std::vector<bool> stands(num, false);
   if (num == 0) return stands;
@@ -365,7 +447,8 @@ std::vector<bool> FindStanding(const std::vector<Vector3d>& point,
   }
   const std::vector<double> lowest =
       Lowest(smooth[1], static_cast<int>(std::ceil(0.6 / frame_time)));
-  bool standing = false;
+  constexpr double kSlow = 0.25;  // leg lengths per second
+  std::vector<bool> slow(num, false);
   for (int t = 0; t < num; ++t) {
     const int before = std::max(0, t - 1), after = std::min(num - 1, t + 1);
     double speed = 0;
@@ -373,11 +456,17 @@ std::vector<bool> FindStanding(const std::vector<Vector3d>& point,
       speed = std::hypot(smooth[0][after] - smooth[0][before],
                          smooth[1][after] - smooth[1][before],
                          smooth[2][after] - smooth[2][before]) /
-              ((after - before) * frame_time);
+              ((after - before) * frame_time * leg_length);
     }
-    standing = smooth[1][t] < lowest[t] + 0.04 * leg_length &&
-               speed < (standing ? 0.5 : 0.25) * leg_length;
-    stands[t] = standing;
+    const bool low = smooth[1][t] < lowest[t] + 0.04 * leg_length;
+    stands[t] = low && speed < most_speed;
+    slow[t] = low && speed < kSlow;
+  }
+  for (const Interval& run : Runs(stands)) {
+    if (std::find(slow.begin() + run.begin, slow.begin() + run.end, true) ==
+        slow.begin() + run.end) {
+      std::fill(stands.begin() + run.begin, stands.begin() + run.end, false);
+    }
   }
   // Close short breaks, then drop short stances.
   std::vector<bool> moving(num);
@@ -457,10 +546,15 @@ void LockFeet(const Skeleton& skeleton,
   std::vector<double> sink(num, 0.0);
   for (int side = 0; side < 2; ++side) {
     const int hip = side == 0 ? kLHip : kRHip;
-    fixed[side] =
-        FootPath(feet[side], contact[side], frame_time, free[side]).fixed();
-    const double reach =
-        kReach * (skeleton.length[hip + 1] + skeleton.length[hip + 2]);
+    const double leg = skeleton.length[hip + 1] + skeleton.length[hip + 2];
+    fixed[side] = FootPath(feet[side],
+                           contact[side],
+                           frame_time,
+                           leg,
+                           hip_in_world[side],
+                           free[side])
+                      .fixed();
+    const double reach = kReach * leg;
     for (int t = 0; t < num; ++t) {
       sink[t] = std::max(
           sink[t],

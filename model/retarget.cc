@@ -467,14 +467,30 @@ void BendAboutHinges(const Skeleton& skeleton,
   }
 }
 
+// The turn of a pose's joint about a direction.
+Quaterniond TwistAbout(const Vector3d& along, const Quaterniond& rotation) {
+  Quaterniond twist(rotation.w(), 0, 0, 0);
+  twist.vec() = rotation.vec().dot(along) * along;
+  if (twist.norm() < 1e-6) return Quaterniond::Identity();
+  twist.normalize();
+  if (twist.w() < 0) twist.coeffs() *= -1;
+  return twist;
+}
+
+// Toes that point outwards do so by the shank as much as by the ankle: half of
+// the foot's turn about the shank goes to the knee.
+void TurnShank(const Skeleton& skeleton, int ankle, Pose* pose) {
+  Quaterniond& foot = pose->rotation[ankle];
+  const Quaterniond half = Quaterniond::Identity().slerp(
+      0.5, TwistAbout(skeleton.rest_direction[ankle], foot));
+  pose->rotation[ankle - 1] = pose->rotation[ankle - 1] * half;
+  foot = half.conjugate() * foot;
+}
+
 // A wrist does not twist: the forearm does.
 void TwistForearm(const Skeleton& skeleton, int wrist, Pose* pose) {
-  const Vector3d& along = skeleton.rest_direction[wrist];
   Quaterniond& hand = pose->rotation[wrist];
-  Quaterniond twist(hand.w(), 0, 0, 0);
-  twist.vec() = hand.vec().dot(along) * along;
-  if (twist.norm() < 1e-6) return;
-  twist.normalize();
+  const Quaterniond twist = TwistAbout(skeleton.rest_direction[wrist], hand);
   pose->rotation[wrist - 1] = pose->rotation[wrist - 1] * twist;
   hand = twist.conjugate() * hand;
 }
@@ -605,9 +621,19 @@ std::array<FootContact, 2> FindContacts(
   }
   const double leg = LegLength(skeleton);
   std::array<FootContact, 2> contact;
+  // Coming down and lifting, a foot is faster than while it stands.
+  constexpr double kComing = 0.6;  // leg lengths per second
   for (int side = 0; side < 2; ++side) {
-    contact[side] = {FindStanding(tracks.heel[side], frame_time, leg),
-                     FindStanding(tracks.ball[side], frame_time, leg)};
+    FootContact& of_side = contact[side];
+    of_side.heel = FindStanding(tracks.heel[side], frame_time, leg);
+    of_side.ball = FindStanding(tracks.ball[side], frame_time, leg);
+    of_side.stance = FindStanding(tracks.heel[side], frame_time, leg, kComing);
+    const std::vector<bool> ball =
+        FindStanding(tracks.ball[side], frame_time, leg, kComing);
+    for (std::size_t t = 0; t < poses.size(); ++t) {
+      of_side.stance[t] =
+          of_side.stance[t] || ball[t] || of_side.heel[t] || of_side.ball[t];
+    }
   }
   return contact;
 }
@@ -801,6 +827,8 @@ RetargetResult Retarget(const BvhMotion& motion,
   for (Pose& pose : poses) {
     TwistForearm(skeleton, kLWrist, &pose);
     TwistForearm(skeleton, kRWrist, &pose);
+    TurnShank(skeleton, kLAnkle, &pose);
+    TurnShank(skeleton, kRAnkle, &pose);
   }
   LimitKeeper keeper(limits);
   keeper.Keep(options.limit_joints, &poses);

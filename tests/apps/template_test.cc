@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "model/template.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 
+#include "experiments/synthetic.h"
 #include "model/body_io.h"
+#include "model/file_io.h"
 #include "model/mesh.h"
 #include "tests/apps/command.h"
+#include "tests/support/foreign_rig.h"
 
 namespace sweepfit {
 namespace {
@@ -42,6 +47,61 @@ TEST(Template, WritesBodyMeshModelAndPictures) {
     // Something is drawn on the white ground.
     EXPECT_LT(cv::mean(picture)[0], 250) << name;
   }
+}
+
+// A rig of another make, looked at and fitted as a user does.
+TEST(Template, AForeignRigIsImportedAndFitted) {
+  TemporaryFolder scratch;
+  const auto folder = std::filesystem::path(scratch.path());
+  const std::string rig = (folder / "rig.glb").string();
+  WriteWholeFile(ForeignRig{}.Glb(BuildTemplate({.sex = 1})), rig);
+  const CommandOutcome looked = RunCommand({"template",
+                                            "--from",
+                                            rig,
+                                            "--out",
+                                            (folder / "looked").string(),
+                                            "--size",
+                                            "64"},
+                                           scratch.path());
+  ASSERT_EQ(looked.status, 0) << looked.err;
+  EXPECT_THAT(looked.err, HasSubstr("2 holes filled"));
+  EXPECT_TRUE(
+      std::filesystem::exists(folder / "looked" / "renders" / "front.png"));
+
+  SyntheticOptions options;
+  options.num_cameras = 8;
+  options.width = options.height = 260;
+  options.background = false;
+  WriteSyntheticCapture(folder / "capture", options, nullptr);
+  const CommandOutcome fitted = RunCommand({"fit",
+                                            (folder / "capture").string(),
+                                            "--out",
+                                            (folder / "result").string(),
+                                            "--template",
+                                            rig,
+                                            "--set",
+                                            "texture.size=256",
+                                            "global.rounds=2",
+                                            "local.rounds=2"},
+                                           scratch.path());
+  ASSERT_EQ(fitted.status, 0) << fitted.err;
+  const Body body = LoadBody((folder / "result" / "body.json").string());
+  const TriangleMesh mesh =
+      LoadPly((folder / "result" / "mesh_A.ply").string());
+  EXPECT_EQ(static_cast<int>(mesh.vertices.size()), body.num_vertices());
+  EXPECT_TRUE(CheckTopology(mesh).IsClosedManifold());
+  EXPECT_TRUE(std::filesystem::exists(folder / "result" / "model.glb"));
+
+  const CommandOutcome unknown = RunCommand({"template",
+                                             "--from",
+                                             rig,
+                                             "--names",
+                                             "vrm",
+                                             "--out",
+                                             (folder / "none").string()},
+                                            scratch.path());
+  EXPECT_EQ(unknown.status, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("map file"));
 }
 
 TEST(Template, RefusesWhatCannotBe) {

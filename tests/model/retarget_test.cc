@@ -425,6 +425,90 @@ TEST(FootLockTest, SlideIsTheLongestWayOfOneStance) {
   EXPECT_EQ(LongestSlide(point, {false, false, false, true, false, false}), 0);
 }
 
+// A foot comes down on its heel, stands, and leaves over its toes: it neither
+// slides nor goes below the floor.
+TEST_F(RetargetTest, FeetRollOverTheirSoles) {
+  const Skeleton& skeleton = body_->skeleton;
+  const auto feet = MeasureFeet(*body_);
+  constexpr int kFrames = 120;
+  std::vector<Pose> poses(kFrames);
+  std::array<FootContact, 2> contact;
+  for (FootContact& of_side : contact) {
+    of_side.heel.assign(kFrames, false);
+    of_side.ball.assign(kFrames, false);
+    of_side.stance.assign(kFrames, true);
+  }
+  const double height =
+      -(RestFrames(skeleton).joint_in_world[kLAnkle].y() + feet[0].heel.y());
+  for (int t = 0; t < kFrames; ++t) {
+    // Toes 25 degrees up, level, heel 30 degrees up; the body goes ahead.
+    const double pitch = t < 30   ? -25 * (30 - t) / 30.0
+                         : t < 80 ? 0
+                                  : 30 * (t - 80) / 40.0;
+    Pose& pose = poses[t];
+    pose.root_in_world = {0, height - 0.05, 0.001 * (t - 60)};
+    for (const int ankle : {kLAnkle, kRAnkle}) {
+      pose.rotation[ankle] =
+          Eigen::AngleAxisd(pitch * kDegree, Vector3d::UnitX());
+    }
+    for (FootContact& of_side : contact) {
+      of_side.heel[t] = of_side.ball[t] = t >= 30 && t < 80;
+    }
+  }
+  LockFeet(skeleton, feet, contact, 1.0 / 120, &poses);
+  for (int side = 0; side < 2; ++side) {
+    const int ankle = side == 0 ? kLAnkle : kRAnkle;
+    const auto sole = [&](int t) {
+      const JointFrames frames = ForwardKinematics(skeleton, poses[t]);
+      std::vector<Vector3d> points;
+      for (const Vector3d& point : feet[side].sole) {
+        points.push_back(frames.joint_in_world[ankle] +
+                         frames.world_from_joint[ankle] * point);
+      }
+      return points;
+    };
+    const auto lower = [](const Vector3d& a, const Vector3d& b) {
+      return a.y() < b.y();
+    };
+    std::vector<Vector3d> before = sole(0);
+    for (int t = 1; t < kFrames; ++t) {
+      const std::vector<Vector3d> points = sole(t);
+      const auto lowest = std::min_element(points.begin(), points.end(), lower);
+      EXPECT_NEAR(lowest->y(), 0, 0.002) << t;
+      // The point that stood may lift but has not slid.
+      const auto stood = std::min_element(before.begin(), before.end(), lower);
+      const Vector3d way = points[stood - before.begin()] - *stood;
+      EXPECT_LT(std::hypot(way.x(), way.z()), 0.001) << t;
+      before = points;
+    }
+  }
+}
+
+// Toes that point outwards turn the shank as well as the ankle.
+TEST_F(RetargetTest, ToesOutAreSharedByKneeAndAnkle) {
+  WalkingRig rig;
+  for (const char* foot : {"LeftFoot", "RightFoot"}) {
+    rig.Value(foot, 1) = foot[0] == 'L' ? 30 : -30;  // about Y
+  }
+  const RetargetResult result = Run(rig.motion(), Plain());
+  const JointLimits limits(body_->skeleton);
+  for (const int ankle : {kLAnkle, kRAnkle}) {
+    const Pose& pose = result.poses.front();
+    EXPECT_LT(std::abs(limits.Measure(ankle, pose.rotation[ankle]).side),
+              20 * kDegree);
+    EXPECT_NEAR(
+        std::abs(limits.Measure(ankle - 1, pose.rotation[ankle - 1]).twist),
+        15 * kDegree,
+        4 * kDegree);
+    const Vector3d foot = Bone(First(rig.motion()), ankle + 1);
+    const Vector3d rest = body_->skeleton.rest_direction[ankle + 1];
+    EXPECT_NEAR(std::abs(std::atan2(foot.x(), foot.z()) -
+                         std::atan2(rest.x(), rest.z())),
+                30 * kDegree,
+                4 * kDegree);
+  }
+}
+
 TEST_F(RetargetTest, FeetAreMeasuredOnTheSole) {
   const Body& body = *body_;
   const auto feet = MeasureFeet(body);
@@ -438,6 +522,14 @@ TEST_F(RetargetTest, FeetAreMeasuredOnTheSole) {
     EXPECT_NEAR(ankle.y() + feet[side].heel.y(), lowest, 0.01);
     EXPECT_LT(feet[side].heel.z(), 0);
     EXPECT_GT(feet[side].ball.z(), 0.08);
+    // From behind the heel to before the ball.
+    double first = 0, last = 0;
+    for (const Vector3d& point : feet[side].sole) {
+      first = std::min(first, point.z());
+      last = std::max(last, point.z());
+    }
+    EXPECT_LT(first, feet[side].heel.z() - 0.005);
+    EXPECT_GT(last, feet[side].ball.z() + 0.03);
   }
   EXPECT_NEAR(feet[0].ball.x(), -feet[1].ball.x(), 1e-9);
 }
