@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <map>
 
 #include "model/embedded_data.h"
 #include "model/file_io.h"
@@ -143,6 +144,28 @@ int NumFound(const JointMatch& match) {
                                         [](int index) { return index >= 0; }));
 }
 
+// Names without a prefix such as "Character1_" that most of them have; as they
+// are when there is none.
+std::vector<std::string> WithoutCommonPrefix(
+    const std::vector<std::string>& names) {
+  std::map<std::string, int> count;
+  int num = 0;
+  for (const std::string& name : names) {
+    if (name.empty()) continue;
+    ++num;
+    const std::size_t end = name.find_first_of("_- ");
+    if (end != std::string::npos) ++count[name.substr(0, end + 1)];
+  }
+  std::vector<std::string> stripped = names;
+  for (const auto& [prefix, times] : count) {
+    if (10 * times < 7 * num) continue;
+    for (std::string& name : stripped) {
+      if (name.starts_with(prefix)) name.erase(0, prefix.size());
+    }
+  }
+  return stripped;
+}
+
 std::string Join(const std::vector<std::string>& words) {
   std::string text;
   for (const std::string& word : words) {
@@ -229,12 +252,18 @@ JointMatch MatchJointNames(const std::vector<std::string>& names,
                            const std::string& choice,
                            const std::string& source) {
   const std::vector<JointNameMap>& presets = JointNamePresets();
+  const std::vector<std::string> stripped = WithoutCommonPrefix(names);
+  const auto best_match = [&](const JointNameMap& candidate) {
+    const JointMatch whole = Match(names, candidate);
+    const JointMatch less = Match(stripped, candidate);
+    return Missing(less).size() < Missing(whole).size() ? less : whole;
+  };
   JointNameMap map;
   if (choice == "auto") {
     // Fewest needed joints missing, then most found; the first of equals.
     std::pair<int, int> best = {kNumJoints + 1, 0};
     for (const JointNameMap& preset : presets) {
-      const JointMatch match = Match(names, preset);
+      const JointMatch match = best_match(preset);
       const std::pair<int, int> rank = {static_cast<int>(Missing(match).size()),
                                         -NumFound(match)};
       if (rank < best) {
@@ -259,7 +288,7 @@ JointMatch MatchJointNames(const std::vector<std::string>& names,
                        ", or give a file (a path with . or /)");
     }
   }
-  const JointMatch match = Match(names, map);
+  const JointMatch match = best_match(map);
   if (!Missing(match).empty()) FailIncomplete(source, names, match, map);
   CheckDistinct(source, names, match);
   return match;

@@ -127,7 +127,7 @@ TEST_F(ForeignRigTest, BecomesATemplate) {
 
 TEST_F(ForeignRigTest, PrefixesDoNotMatter) {
   const Body with = Import({});
-  for (const char* prefix : {"", "mixamorig", "mixamorig9:"}) {
+  for (const char* prefix : {"", "mixamorig9:", "Character1_"}) {
     const Body without = Import({.prefix = prefix});
     for (int joint = 1; joint < kNumJoints; ++joint) {
       EXPECT_EQ(without.skeleton.length[joint], with.skeleton.length[joint])

@@ -57,7 +57,7 @@ TEST(JointNamesTest, EveryPresetFindsItsOwnNames) {
 TEST(JointNamesTest, PrefixesAndSpellingDoNotMatter) {
   const auto plain = MatchJointNames(NamesOf("mixamo"), "mixamo", "").index;
   for (const char* prefix :
-       {"mixamorig:", "mixamorig1:", "mixamorig", "a|b:"}) {
+       {"mixamorig:", "mixamorig1:", "mixamorig", "a|b:", "Character1_"}) {
     EXPECT_EQ(MatchJointNames(NamesOf("mixamo", prefix), "auto", "").index,
               plain)
         << prefix;
