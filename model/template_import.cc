@@ -308,7 +308,7 @@ class Importer {
     // Rigs put their root anywhere near; ours lies between the hips.
     joints_[kRoot].setZero();
     const double trunk = joints_[kNeck].norm();
-    constexpr double kSpineShare = 0.35;  // of the way to the neck
+    constexpr double kSpineShare = 0.28;  // of the way to the neck
     if (match_.index[kSpine] < 0 || joints_[kSpine].norm() < 0.1 * trunk ||
         joints_[kSpine].norm() > 0.8 * trunk) {
       joints_[kSpine] = kSpineShare * joints_[kNeck];
