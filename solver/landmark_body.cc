@@ -121,6 +121,28 @@ double LimbBend(const LimbLine& line, double from, double at, double to) {
   return std::acos(std::clamp(before.dot(after), -1.0, 1.0));
 }
 
+constexpr double kMostOval = 1.3;  // longer half axis of a limb to the shorter
+
+// Limbs are nearly round. Where few cameras see one, its hull is longer one way
+// than the other, and the limb may lie anywhere along it: the covariance of
+// this, mean of the free sections from one place to another, square metres.
+Eigen::Matrix3d HullSlack(const LimbLine& line, double from, double to) {
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  int count = 0;
+  for (const LimbSection& section : line) {
+    if (section.s < from || section.s > to || !section.free) continue;
+    const CutPlaneSection& cut = section.cut;
+    const double slack =
+        std::max(0.0, cut.half_axis_long - kMostOval * cut.half_axis_short);
+    // Uniform between -slack and slack.
+    sum += slack * slack / 3 * cut.long_direction *
+           cut.long_direction.transpose();
+    ++count;
+  }
+  if (count > 0) sum /= count;
+  return sum;
+}
+
 class BodyTracer {
  public:
   BodyTracer(const Volume& volume,
@@ -162,7 +184,8 @@ class BodyTracer {
   void AddPlace(int joint,
                 const LimbLine& line,
                 double s,
-                const Eigen::Vector3d& tangent);
+                const Eigen::Vector3d& tangent,
+                const Eigen::Matrix3d& slack);
   // A tip, seen from the point of the line at place->base in the direction from
   // the point at s_root to it.
   void AddTip(const LimbLine& line,
@@ -195,22 +218,28 @@ void BodyTracer::Unsafe(const std::string& limb, const std::string& why) {
 void BodyTracer::AddOnLimb(
     int joint, const LimbLine& line, double s, double along, double across) {
   const Eigen::Vector3d tangent = TangentAt(line, s);
-  result_.landmarks.push_back(MakeLandmark(
-      joint, PointAt(line, s), AlongAcross(tangent, along, across)));
-  AddPlace(joint, line, s, tangent);
+  constexpr double kReach = 0.02;  // metres
+  const Eigen::Matrix3d slack = HullSlack(line, s - kReach, s + kReach);
+  result_.landmarks.push_back(
+      MakeLandmark(joint,
+                   PointAt(line, s),
+                   AlongAcross(tangent, along, across) + slack));
+  AddPlace(joint, line, s, tangent, slack);
 }
 
 void BodyTracer::AddPlace(int joint,
                           const LimbLine& line,
                           double s,
-                          const Eigen::Vector3d& tangent) {
+                          const Eigen::Vector3d& tangent,
+                          const Eigen::Matrix3d& slack) {
   for (const LimbSection& section : line) {
     if (section.s < s) continue;
     if (section.free) {
-      result_.limb_places.push_back({joint,
-                                     PointAt(line, s),
-                                     tangent,
-                                     1.1 * section.cut.half_axis_long + 0.005});
+      const double half_width =
+          std::min(section.cut.half_axis_long,
+                   kMostOval * section.cut.half_axis_short);
+      result_.limb_places.push_back(
+          {joint, PointAt(line, s), tangent, 1.1 * half_width + 0.005, slack});
     }
     break;
   }
@@ -519,7 +548,7 @@ void BodyTracer::AddLegs() {
         MakeLandmark(kAnkle[side], ankle, AlongAcross(axis, sigma, 0.010)));
     // The pictures show the shank where it is narrow; at the joint they show
     // the foot.
-    AddPlace(kAnkle[side], leg.line, s_shank, axis);
+    AddPlace(kAnkle[side], leg.line, s_shank, axis, Eigen::Matrix3d::Zero());
     AddTip(leg.line,
            0.04 * height_,
            0.085 * height_,
@@ -696,7 +725,10 @@ void BodyTracer::AddArms() {
     result_.landmarks.push_back(
         MakeLandmark(kShoulder[side],
                      shoulder,
-                     AlongAcross(axis, along_shoulder, across_shoulder)));
+                     AlongAcross(axis, along_shoulder, across_shoulder) +
+                         HullSlack(arm.line,
+                                   arm.s_merge - 0.1 * height_,
+                                   arm.s_merge - 0.015 * height_)));
     if (armpit_is_safe) {
       result_.landmarks.back().source = "both";
       result_.landmarks.back().num_views = armpit->num_views;

@@ -58,6 +58,7 @@ struct BodyTrace {
     Eigen::Vector3d point_in_world;
     Eigen::Vector3d direction;  // unit, of the limb
     double max_half_width;      // metres
+    Eigen::Matrix3d slack;      // what few cameras leave open: a covariance
   };
   std::vector<LimbPlace> limb_places;
   std::vector<TipPlace> tip_places;

@@ -104,7 +104,8 @@ void Refiner::RefineLimb(const BodyTrace::LimbPlace& place,
   const double along =
       std::sqrt(place.direction.dot(landmark->covariance * place.direction));
   const PointPrior prior{place.point_in_world,
-                         AlongAcross(place.direction, along, kPriorAcross)};
+                         AlongAcross(place.direction, along, kPriorAcross) +
+                             place.slack};
   const auto found = TriangulatePoint(observations, prior);
   if (!found) return;
   const Vector3d joint_from_place =
