@@ -30,6 +30,8 @@ PhotoEvidence::PhotoEvidence(const std::vector<View>& views,
   PatchOptions patch;
   patch.spacing = PixelSize(views, 0.5 * (hull.BoxMin() + hull.BoxMax()));
   patch.remove_slope = true;
+  // Between cameras far apart the surface is seen at a slant.
+  patch.min_facing = 0.2;
   impl_ =
       std::make_unique<Impl>(Impl{&hull, options, PatchMatcher(views, patch)});
 }
