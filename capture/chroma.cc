@@ -11,18 +11,13 @@
 
 #include "capture/colour.h"
 #include "capture/other_light.h"
+#include "model/median.h"
 
 namespace sweepfit {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr float kMinChroma = 12;  // of anything that may be a screen
-
-float Median(std::vector<float> values) {
-  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 float Chroma(const cv::Vec3f& lab) { return std::hypot(lab[1], lab[2]); }
 float Hue(const cv::Vec3f& lab) { return std::atan2(lab[2], lab[1]); }
@@ -62,8 +57,8 @@ double FrequentHue(const std::vector<cv::Vec3f>& colours) {
 }
 
 // Squared distance to the screen at this place: the shares of its chroma (in
-// the light that falls on the pixel) that are lost and that are strange, 1 where
-// either is kMost.
+// the light that falls on the pixel) that are lost and that are strange, 1
+// where either is kMost.
 float SquaredFromScreen(const cv::Vec3f& colour, const cv::Vec3f& screen) {
   constexpr float kMost = 0.3f;
   constexpr float kChromaNoise = 4;

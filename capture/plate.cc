@@ -10,23 +10,17 @@
 
 #include "capture/colour.h"
 #include "capture/other_light.h"
+#include "model/median.h"
 
 namespace sweepfit {
 namespace {
 
 constexpr double kSigmaPerMedian = 1.4826;  // of a normal |deviation|
 
-double Median(std::vector<float>* values) {
-  if (values->empty()) return 0;
-  const auto middle = values->begin() + static_cast<long>(values->size() / 2);
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
-
 // Mean of the values within `reach` of the median, twice recentred: finer than
 // the steps of 8-bit data.
 double TrimmedMean(std::vector<float>* values, double reach) {
-  double centre = Median(values);
+  double centre = MedianInPlace(values);
   for (int pass = 0; pass < 2; ++pass) {
     double sum = 0;
     int count = 0;
@@ -305,9 +299,9 @@ PlateNoise MeasurePlateNoise(const cv::Mat3f& change,
     }
   }
   return {static_cast<float>(
-              std::max(kSigmaPerMedian * Median(&l), options.sigma_l)),
-          static_cast<float>(
-              std::max(kSigmaPerMedian * Median(&ab), options.sigma_ab))};
+              std::max(kSigmaPerMedian * MedianInPlace(&l), options.sigma_l)),
+          static_cast<float>(std::max(kSigmaPerMedian * MedianInPlace(&ab),
+                                      options.sigma_ab))};
 }
 
 BackgroundEvidence PlateEvidence(const cv::Mat3f& picture_linear,

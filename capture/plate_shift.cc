@@ -6,6 +6,8 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "model/median.h"
+
 namespace sweepfit {
 namespace {
 
@@ -88,10 +90,7 @@ double EdgeResidual(const cv::Mat3b& picture,
           std::abs(picture(y, x)[kGreen] - gain * plate(y, x)[kGreen])));
     }
   }
-  if (residual.empty()) return 0;
-  const auto middle = residual.begin() + static_cast<long>(residual.size() / 2);
-  std::nth_element(residual.begin(), middle, residual.end());
-  return *middle;
+  return MedianInPlace(&residual);
 }
 
 }  // namespace

@@ -17,6 +17,7 @@
 #include "capture/silhouette.h"
 #include "capture/up_axis.h"
 #include "model/input_error.h"
+#include "model/median.h"
 #include "volume/person_height.h"
 #include "volume/volume.h"
 
@@ -33,13 +34,6 @@ __attribute__((format(printf, 1, 2))) std::string Format(const char* format,
   std::vsnprintf(text, sizeof(text), format, arguments);
   va_end(arguments);
   return text;
-}
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + values.size() / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // --- plates ---

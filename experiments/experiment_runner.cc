@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "experiments/experiment_runner.h"
 
+#include <unistd.h>
+
 #include <chrono>
 #include <cstdio>
 #include <fstream>
@@ -180,12 +182,14 @@ Capture OpenSubject(const ExperimentSubject& subject,
   if (!subject.synthetic) return LoadCapture(subject.capture.string());
   const fs::path made = folder / "captures" / subject.name;
   if (!fs::exists(made / "capture.yaml")) {
-    const fs::path temporary = made.string() + ".part";
-    fs::remove_all(temporary);
+    // Shards may run at the same time: the first to be done counts.
+    const fs::path temporary =
+        made.string() + ".part" + std::to_string(getpid());
     fs::create_directories(temporary);
     WriteSyntheticCapture(temporary, *subject.synthetic, progress);
-    fs::remove_all(made);
-    fs::rename(temporary, made);
+    std::error_code taken;
+    fs::rename(temporary, made, taken);
+    if (taken) fs::remove_all(temporary);
   }
   return LoadCapture(made.string());
 }

@@ -5,12 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "capture/silhouette.h"
 #include "model/body.h"
 #include "solver/joints.h"
-#include "solver/photo_evidence.h"
-#include "solver/rim_evidence.h"
-#include "volume/volume.h"
+#include "solver/pose_evidence.h"
 
 namespace sweepfit {
 
@@ -47,15 +44,6 @@ struct RefineOptions {
   double sigma_smooth = 0.0008;    // metres, a vertex against its neighbours
   double sigma_magnitude = 0.008;  // metres
   std::optional<std::string> Check() const;
-};
-
-// What is known of one pose when the body is fitted to it.
-struct PoseEvidence {
-  const std::vector<View>* views;
-  const std::vector<ObservedContour>* contours;  // one per view
-  const Volume* volume;
-  const LandmarkResult* landmarks;
-  const PhotoEvidence* photo = nullptr;  // none: outlines and hull only
 };
 
 // Global fit (paper IV.A and beyond): pose, bone lengths and a few coarse

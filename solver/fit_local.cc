@@ -26,6 +26,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr int kHullStride = 5;
+constexpr double kRimReach = 20;  // pixels
 // Outlines this far off on average mean a wrong posture, not a rough surface.
 constexpr double kSoundRimError = 0.015;  // metres
 // Radii may not leave the template by more than a factor of e^0.9.
@@ -141,7 +142,7 @@ void AddEvidence(const PoseEvidence& evidence,
   const PosedBody posed = PoseForFit(body, pose);
   const std::vector<View>& views = *evidence.views;
   const RimEvidence rims = GatherRimEvidence(
-      posed, body.topology.quads, views, *evidence.contours, 20);
+      posed, body.topology.quads, views, *evidence.contours, kRimReach);
   std::map<int, RowPoint> points;
   const auto at = [&](int vertex) -> const RowPoint& {
     auto [it, inserted] = points.try_emplace(vertex);
@@ -347,22 +348,6 @@ void SampleHullRadii(const std::vector<PoseEvidence>& evidence,
   }
 }
 
-double RimErrorOfAllPoses(const std::vector<PoseEvidence>& evidence,
-                          const JointResult& joints,
-                          const Body& body) {
-  double sum = 0;
-  for (size_t p = 0; p < evidence.size(); ++p) {
-    const PosedBody posed = PoseForFit(body, joints.poses[p].pose);
-    sum += MeanRimError(GatherRimEvidence(posed,
-                                          body.topology.quads,
-                                          *evidence[p].views,
-                                          *evidence[p].contours,
-                                          20),
-                        *evidence[p].views);
-  }
-  return sum / static_cast<double>(evidence.size());
-}
-
 }  // namespace
 
 std::optional<std::string> LocalOptions::Check() const {
@@ -389,7 +374,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
               StageSummary* summary) {
   summary->figures["mode"] = options.mode;
   summary->figures["rim_error_start_mm"] =
-      1000 * RimErrorOfAllPoses(evidence, *joints, *body);
+      1000 * MeanRimError(evidence, *joints, *body, kRimReach);
   summary->status = "ok";
   if (options.mode != "rim") {
     SampleHullRadii(evidence, options.mode == "paper", *joints, body);
@@ -401,14 +386,11 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
       // Outlines first: photographs are matched about what nearly fits.
       const bool last = round + 1 == options.rounds;
       if (round == 1 || (last && !first)) {
-        for (size_t p = 0; p < evidence.size(); ++p) {
-          if (evidence[p].photo == nullptr) continue;
-          photo[p] =
-              evidence[p].photo->Match(PoseForFit(*body, joints->poses[p].pose),
-                                       body->topology.quads,
-                                       last ? kPhotoReachLast : kPhotoReach,
-                                       kPhotoStep);
-        }
+        photo = MatchPhotographs(evidence,
+                                 *joints,
+                                 *body,
+                                 last ? kPhotoReachLast : kPhotoReach,
+                                 kPhotoStep);
       }
       report = SolveRadii(evidence,
                           options,
@@ -420,7 +402,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
       if (left == 0) break;
       // With better radii the outline says more about the pose.
       SolvePerson(evidence,
-                  {2 * options.sigma_rim, 20, 3, 3},
+                  {2 * options.sigma_rim, kRimReach, 3, 3},
                   joint_options,
                   nullptr,
                   nullptr,
@@ -432,7 +414,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
     summary->figures["pose"] = person_report;
     if (!report["usable"].get<bool>()) summary->status = "failed";
   }
-  const double error = RimErrorOfAllPoses(evidence, *joints, *body);
+  const double error = MeanRimError(evidence, *joints, *body, kRimReach);
   summary->figures["rim_error_end_mm"] = 1000 * error;
   if (error > kSoundRimError && summary->status == "ok") {
     summary->status = "weak";

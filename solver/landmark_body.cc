@@ -9,6 +9,7 @@
 #include <string_view>
 #include <utility>
 
+#include "model/median.h"
 #include "model/skeleton.h"
 
 namespace sweepfit {
@@ -58,14 +59,6 @@ ArmpitOffset ArmpitOffsetAt(double angle) {
     at.sigma = a.sigma + t * (b.sigma - a.sigma);
   }
   return at;
-}
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle =
-      values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 Eigen::Vector3d Horizontal(const Eigen::Vector3d& v) {
@@ -135,8 +128,8 @@ Eigen::Matrix3d HullSlack(const LimbLine& line, double from, double to) {
     const double slack =
         std::max(0.0, cut.half_axis_long - kMostOval * cut.half_axis_short);
     // Uniform between -slack and slack.
-    sum += slack * slack / 3 * cut.long_direction *
-           cut.long_direction.transpose();
+    sum +=
+        slack * slack / 3 * cut.long_direction * cut.long_direction.transpose();
     ++count;
   }
   if (count > 0) sum /= count;
@@ -220,10 +213,8 @@ void BodyTracer::AddOnLimb(
   const Eigen::Vector3d tangent = TangentAt(line, s);
   constexpr double kReach = 0.02;  // metres
   const Eigen::Matrix3d slack = HullSlack(line, s - kReach, s + kReach);
-  result_.landmarks.push_back(
-      MakeLandmark(joint,
-                   PointAt(line, s),
-                   AlongAcross(tangent, along, across) + slack));
+  result_.landmarks.push_back(MakeLandmark(
+      joint, PointAt(line, s), AlongAcross(tangent, along, across) + slack));
   AddPlace(joint, line, s, tangent, slack);
 }
 
@@ -235,9 +226,8 @@ void BodyTracer::AddPlace(int joint,
   for (const LimbSection& section : line) {
     if (section.s < s) continue;
     if (section.free) {
-      const double half_width =
-          std::min(section.cut.half_axis_long,
-                   kMostOval * section.cut.half_axis_short);
+      const double half_width = std::min(
+          section.cut.half_axis_long, kMostOval * section.cut.half_axis_short);
       result_.limb_places.push_back(
           {joint, PointAt(line, s), tangent, 1.1 * half_width + 0.005, slack});
     }
@@ -662,6 +652,7 @@ void BodyTracer::AddArms() {
            {.joint = kTip[side],
             .half_width = 0.02 * height_,
             .radius = 0.005 * height_,
+            .widest = 0.085 * height_,
             .anatomy_along = 0.007,
             .anatomy_across = 0.007},
            0.022);

@@ -97,7 +97,6 @@ std::optional<PointObservation> MeasureTip(
   constexpr double kTipSigma = 0.003;
   constexpr double kBluntness = 0.3;  // of the half width
   constexpr double kReach = 0.03;     // metres
-  constexpr double kWidest = 4;       // from edge to edge, half widths
   const double depth = view.camera.PointInCamera(tip_in_world).z();
   if (depth <= 0.1 ||
       view.camera.PointInCamera(place.base_in_world).z() <= 0.1) {
@@ -118,11 +117,12 @@ std::optional<PointObservation> MeasureTip(
   const Eigen::Vector2d across(-along.y(), along.x());
   const double reach = kReach * pixels_per_metre;
   const double clearance = kClearance * pixels_per_metre;
-  // In front of something wider its tip does not show.
-  const double limit = kWidest * place.half_width * pixels_per_metre;
-  const double plus = FindEdge(view, base, across, limit, clearance);
-  const double minus = FindEdge(view, base, -across, limit, clearance);
-  if (plus < 0 || minus < 0 || plus + minus > limit) return std::nullopt;
+  if (place.widest > 0) {
+    const double limit = place.widest * pixels_per_metre;
+    const double plus = FindEdge(view, base, across, limit, clearance);
+    const double minus = FindEdge(view, base, -across, limit, clearance);
+    if (plus < 0 || minus < 0 || plus + minus > limit) return std::nullopt;
+  }
   const int half_width =
       static_cast<int>(std::ceil(place.half_width * pixels_per_metre));
   std::vector<double> edges(2 * half_width + 1, -1);

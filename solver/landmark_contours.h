@@ -43,6 +43,9 @@ struct TipPlace {
   Eigen::Vector3d base_in_world = Eigen::Vector3d::Zero();
   double half_width = 0;  // of the limb at its base, metres
   double radius = 0;      // of the rounding of the tip, metres
+  // Wider than this, edge to edge, the base is in front of something else, and
+  // the tip does not show; 0: any width.
+  double widest = 0;
   // How far the farthest point may be from the joint that is meant: hair,
   // shoes, which finger is longest; metres along and across the limb.
   double anatomy_along = 0, anatomy_across = 0;

@@ -24,6 +24,7 @@ constexpr double kDetailStiffness = 6;
 // What is thin stays as it is: a factor on the weight of its offsets.
 constexpr double kThinStiffness = 400;
 
+constexpr double kRimReach = 15;  // pixels
 // The photographs are matched this far about the surface, metres, in steps of
 // so many pixels.
 constexpr double kPhotoReach = 0.008;
@@ -219,31 +220,12 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
     smooth.coeffRef(i, i) += (thin[i] ? kThinStiffness : 1) * magnitude;
   }
 
-  const auto rim_error = [&](const Body& candidate) {
-    double sum = 0;
-    for (size_t p = 0; p < evidence.size(); ++p) {
-      const PosedBody posed = PoseForFit(candidate, joints.poses[p].pose);
-      sum += MeanRimError(GatherRimEvidence(posed,
-                                            candidate.topology.quads,
-                                            *evidence[p].views,
-                                            *evidence[p].contours,
-                                            15),
-                          *evidence[p].views);
-    }
-    return sum / static_cast<double>(evidence.size());
-  };
-  double error = rim_error(*body);
+  double error = MeanRimError(evidence, joints, *body, kRimReach);
   summary->figures["rim_error_start_mm"] = 1000 * error;
-  std::vector<std::vector<PhotoPoint>> photo(evidence.size());
+  const auto photo =
+      MatchPhotographs(evidence, joints, *body, kPhotoReach, kPhotoStep);
   size_t num_photo_points = 0;
-  for (size_t p = 0; p < evidence.size(); ++p) {
-    if (evidence[p].photo == nullptr) continue;
-    photo[p] = evidence[p].photo->Match(PoseForFit(*body, joints.poses[p].pose),
-                                        body->topology.quads,
-                                        kPhotoReach,
-                                        kPhotoStep);
-    num_photo_points += photo[p].size();
-  }
+  for (const auto& points : photo) num_photo_points += points.size();
   int rounds = 0;
   for (; rounds < options.rounds; ++rounds) {
     OffsetSystem system(n);
@@ -254,14 +236,15 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
                                                  body->topology.quads,
                                                  *evidence[p].views,
                                                  *evidence[p].contours,
-                                                 15);
+                                                 kRimReach);
       AddTargets(
           evidence[p], rims, photo[p], posed, options.sigma_rim, &system);
       if (p == 0) first = std::move(posed);
     }
     Body candidate = *body;
     ApplyOffsets(system.Solve(smooth), first, &candidate);
-    const double candidate_error = rim_error(candidate);
+    const double candidate_error =
+        MeanRimError(evidence, joints, candidate, kRimReach);
     // A refinement that does not bring the outlines closer is not kept.
     if (!(candidate_error < error)) break;
     *body = std::move(candidate);

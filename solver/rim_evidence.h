@@ -66,4 +66,8 @@ RimEvidence GatherRimEvidence(const PosedBody& body,
                               const std::vector<ObservedContour>& contours,
                               double max_distance);
 
+// Mean distance in metres between the rim of the body and the silhouettes.
+double MeanRimError(const RimEvidence& evidence,
+                    const std::vector<View>& views);
+
 }  // namespace sweepfit

@@ -171,18 +171,4 @@ bool SolvePerson(const std::vector<PoseEvidence>& evidence,
   return usable;
 }
 
-double MeanRimError(const RimEvidence& evidence,
-                    const std::vector<View>& views) {
-  double sum = 0, weight = 0;
-  for (const RimPoint& rim : evidence.rim) {
-    const View& view = views[rim.view];
-    const double distance =
-        SampleBilinear(view.signed_distance, rim.pixel).value;
-    sum +=
-        rim.weight * std::abs(distance) * rim.depth / view.camera.FocalLength();
-    weight += rim.weight;
-  }
-  return weight > 0 ? sum / weight : 0;
-}
-
 }  // namespace sweepfit

@@ -31,8 +31,4 @@ bool SolvePerson(const std::vector<PoseEvidence>& evidence,
                  JointResult* joints,
                  nlohmann::ordered_json* report);
 
-// Mean distance in metres between the rim of the body and the silhouettes.
-double MeanRimError(const RimEvidence& evidence,
-                    const std::vector<View>& views);
-
 }  // namespace sweepfit

@@ -13,6 +13,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "capture/render.h"
+#include "model/median.h"
 #include "model/mesh.h"
 
 namespace sweepfit {
@@ -440,9 +441,7 @@ void DoubtOutliers(std::vector<Observation>* observations) {
     for (std::size_t i = 0; i < values.size(); ++i) {
       values[i] = log_color((*observations)[i], channel);
     }
-    const auto middle = values.begin() + values.size() / 2;
-    std::nth_element(values.begin(), middle, values.end());
-    median[channel] = *middle;
+    median[channel] = MedianInPlace(&values);
   }
   for (Observation& observation : *observations) {
     double off = 0;

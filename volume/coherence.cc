@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <numbers>
 
+#include "model/median.h"
 #include "volume/silhouette_cones.h"
 
 namespace sweepfit {
@@ -200,10 +201,8 @@ Scene MakeScene(const std::vector<View>& views,
     scene.cones.emplace_back(view, Eigen::Matrix3d::Identity());
     extents.push_back(HalfExtent(view, scene.middle));
   }
-  std::nth_element(
-      extents.begin(), extents.begin() + extents.size() / 2, extents.end());
   constexpr double kMargin = 1.4;
-  scene.radius = kMargin * extents[extents.size() / 2];
+  scene.radius = kMargin * MedianInPlace(&extents);
   scene.rays.resize(views.size());
   tbb::parallel_for(size_t{0}, views.size(), [&](size_t i) {
     for (const Eigen::Vector2d& pixel :

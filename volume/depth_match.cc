@@ -8,6 +8,7 @@
 #include <cmath>
 #include <iterator>
 
+#include "model/median.h"
 #include "volume/surface_labels.h"
 
 namespace sweepfit {
@@ -129,10 +130,7 @@ DepthMatches MatchDepths(const PatchMatcher& matcher,
     std::copy_if(e, e + num_labels, std::back_inserter(sorted), [](float x) {
       return x >= 0;
     });
-    const auto middle =
-        sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
-    const float contrast = e[k] - *middle;
+    const float contrast = e[k] - MedianInPlace(&sorted);
     if (contrast < search.least_contrast) continue;
     double depth = depths[k];
     if (k > 0) depth += search.step * SubStep(e[k - 1], e[k], e[k + 1]);

@@ -14,6 +14,7 @@
 #include <queue>
 #include <utility>
 
+#include "model/median.h"
 #include "volume/intersect.h"
 #include "volume/vertex_rings.h"
 #include "volume/volume_impl.h"
@@ -231,10 +232,7 @@ double GreedyCarver::LogRatio(std::int64_t id) const {
   std::vector<double> channel(colors.size());
   for (int c = 0; c < 3; ++c) {
     for (size_t i = 0; i < colors.size(); ++i) channel[i] = colors[i].color[c];
-    const auto m =
-        channel.begin() + static_cast<std::ptrdiff_t>(channel.size() / 2);
-    std::nth_element(channel.begin(), m, channel.end());
-    middle[c] = *m;
+    middle[c] = MedianInPlace(&channel);
   }
   // Against a density of 1 / 256 per channel.
   double ratio = 0;

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "model/input_error.h"
+#include "model/median.h"
 #include "volume/components.h"
 #include "volume/coverage.h"
 #include "volume/silhouette_cones.h"
@@ -297,16 +298,14 @@ BlockGrid BuildBlocks(const std::vector<SilhouetteCone>& cones,
 // A volume that explains little of most silhouettes is a phantom of some.
 void CheckCoverage(std::vector<double> coverage) {
   constexpr double kLeast = 0.5;
-  const auto middle =
-      coverage.begin() + static_cast<std::ptrdiff_t>(coverage.size() / 2);
-  std::nth_element(coverage.begin(), middle, coverage.end());
-  if (*middle >= kLeast) return;
+  const double middle = MedianInPlace(&coverage);
+  if (middle >= kLeast) return;
   char text[160];
   std::snprintf(text,
                 sizeof text,
                 "the silhouettes have no common part that explains them (%.0f "
                 "%% covered): check the calibration, the masks and their order",
-                100 * *middle);
+                100 * middle);
   throw FitError(text);
 }
 

@@ -8,6 +8,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "model/median.h"
+
 namespace sweepfit {
 namespace {
 
@@ -48,12 +50,9 @@ double MeasureNoise(const cv::Mat1f& lightness, const cv::Mat1f& coverage) {
     }
   }
   if (response.empty()) return kLeastNoise;
-  const auto middle =
-      response.begin() + static_cast<std::ptrdiff_t>(response.size() / 2);
-  std::nth_element(response.begin(), middle, response.end());
   constexpr double kGain = 6;              // root of the sum of squared taps
   constexpr double kMedianOfAbs = 0.6745;  // of a standard normal variable
-  return *middle / (kGain * kMedianOfAbs);
+  return MedianInPlace(&response) / (kGain * kMedianOfAbs);
 }
 
 // The box around the silhouette, in pinhole pixels, with room for patches.
@@ -89,10 +88,7 @@ double PixelSize(const std::vector<View>& views,
     sizes.push_back((view.camera.CenterInWorld() - place_in_world).norm() /
                     view.camera.FocalLength());
   }
-  const auto middle =
-      sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-  std::nth_element(sizes.begin(), middle, sizes.end());
-  return *middle;
+  return MedianInPlace(&sizes);
 }
 
 PatchMatcher::PatchMatcher(const std::vector<View>& views,

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "model/input_error.h"
+#include "model/median.h"
 #include "volume/floor_level.h"
 #include "volume/silhouette_cones.h"
 #include "volume/volume.h"
@@ -45,9 +46,7 @@ PersonHeight MeasurePersonHeight(std::vector<View> views) {
   std::vector<double> extents;
   extents.reserve(views.size());
   for (const View& view : views) extents.push_back(ExtentAt(view, middle));
-  std::nth_element(
-      extents.begin(), extents.begin() + extents.size() / 2, extents.end());
-  const double scale = kUsual / extents[extents.size() / 2];
+  const double scale = kUsual / MedianInPlace(&extents);
   for (View& view : views) view.camera.world_in_camera *= scale;
   const Volume hull = BuildVisualHull(views, HullOptions(), nullptr, nullptr);
   Eigen::Vector3d low = hull.BoxMin();

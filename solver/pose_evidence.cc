@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "solver/pose_evidence.h"
+
+namespace sweepfit {
+
+std::vector<std::vector<PhotoPoint>> MatchPhotographs(
+    const std::vector<PoseEvidence>& evidence,
+    const JointResult& joints,
+    const Body& body,
+    double reach,
+    double step_pixels) {
+  std::vector<std::vector<PhotoPoint>> points(evidence.size());
+  for (size_t p = 0; p < evidence.size(); ++p) {
+    if (evidence[p].photo == nullptr) continue;
+    points[p] = evidence[p].photo->Match(PoseForFit(body, joints.poses[p].pose),
+                                         body.topology.quads,
+                                         reach,
+                                         step_pixels);
+  }
+  return points;
+}
+
+double MeanRimError(const std::vector<PoseEvidence>& evidence,
+                    const JointResult& joints,
+                    const Body& body,
+                    double reach_pixels) {
+  double sum = 0;
+  for (size_t p = 0; p < evidence.size(); ++p) {
+    sum +=
+        MeanRimError(GatherRimEvidence(PoseForFit(body, joints.poses[p].pose),
+                                       body.topology.quads,
+                                       *evidence[p].views,
+                                       *evidence[p].contours,
+                                       reach_pixels),
+                     *evidence[p].views);
+  }
+  return sum / static_cast<double>(evidence.size());
+}
+
+}  // namespace sweepfit

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "capture/silhouette.h"
+#include "model/body.h"
+#include "solver/joints.h"
+#include "solver/photo_evidence.h"
+#include "solver/rim_evidence.h"
+#include "volume/volume.h"
+
+namespace sweepfit {
+
+// What is known of one pose when the body is fitted to it.
+struct PoseEvidence {
+  const std::vector<View>* views;
+  const std::vector<ObservedContour>* contours;  // one per view
+  const Volume* volume;
+  const LandmarkResult* landmarks;
+  const PhotoEvidence* photo = nullptr;  // none: outlines and hull only
+};
+
+// Photographs matched within `reach` metres of the body in every pose, in steps
+// of `step_pixels`; empty for poses without photographs.
+std::vector<std::vector<PhotoPoint>> MatchPhotographs(
+    const std::vector<PoseEvidence>& evidence,
+    const JointResult& joints,
+    const Body& body,
+    double reach,
+    double step_pixels);
+
+// Mean distance of the body's outline from the silhouettes over all poses,
+// metres; outlines are matched within `reach_pixels`.
+double MeanRimError(const std::vector<PoseEvidence>& evidence,
+                    const JointResult& joints,
+                    const Body& body,
+                    double reach_pixels);
+
+}  // namespace sweepfit
