@@ -53,7 +53,7 @@ cv::Mat1f CoreWeight(const cv::Mat1b& mask) {
 // trace of a person: the lens spreads it. This is the mask less a pixel (255)
 // and some of that pixel.
 cv::Mat1b HalfCovered(const cv::Mat1b& mask, cv::Mat1b* inner) {
-  constexpr double kOuterShare = 0.3;
+  constexpr double kOuterShare = 0.2;
   cv::erode(mask, *inner, Disc(1), {-1, -1}, 1, cv::BORDER_CONSTANT, 255);
   cv::Mat1b covered;
   cv::addWeighted(*inner, 1 - kOuterShare, mask, kOuterShare, 0, covered);

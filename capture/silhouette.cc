@@ -177,8 +177,10 @@ class Segmenter {
         ToSmoothLab(ToLinear(small_plate_, evidence_.gain));
     const PlateNoise noise =
         MeasurePlateNoise(change, cv::Mat1b(change.size(), 255), options_);
-    evidence_.noise_ratio = std::max(noise.sigma_l / options_.sigma_l,
-                                     noise.sigma_ab / options_.sigma_ab);
+    // Of what a sound plate may show, not of the least that is assumed.
+    constexpr double kSoundL = 1, kSoundAb = 0.8;
+    evidence_.noise_ratio =
+        std::max({1.0, noise.sigma_l / kSoundL, noise.sigma_ab / kSoundAb});
   }
 
   void FindScreen() {

@@ -19,8 +19,8 @@ struct SegmentOptions {
   std::string mode = "auto";
   // Floor of the noise of picture and plate in CIELAB units; it is measured for
   // every camera, but what a single plate shows may be less than there is.
-  double sigma_l = 1.0;
-  double sigma_ab = 0.8;
+  double sigma_l = 0.8;
+  double sigma_ab = 0.6;
   // Share of the squared lightness difference that counts. Shadows are
   // explained as such; a share below 1 forgives them more and dark clothes
   // less.
