@@ -53,12 +53,7 @@ void WriteModel(const Body& body, const fs::path& path) {
 
 Body ReadOrBuild(const TemplateArguments& arguments, Progress* progress) {
   if (arguments.from.empty()) return BuildTemplate(arguments.options);
-  std::vector<std::string> notes;
-  Body body = ImportTemplate(arguments.from, arguments.names, &notes);
-  for (const std::string& note : notes) {
-    progress->Warning(arguments.from + ": " + note);
-  }
-  return body;
+  return ImportTemplate(arguments.from, arguments.names, progress);
 }
 
 void RunTemplate(const TemplateArguments& arguments) {

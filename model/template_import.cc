@@ -711,12 +711,13 @@ class Importer {
 
 Body ImportTemplate(const std::string& path,
                     const std::string& names,
-                    std::vector<std::string>* notes) {
+                    Progress* progress) {
   Importer importer(path, names);
   Body body = importer.Make();
-  if (notes != nullptr) {
-    notes->insert(
-        notes->end(), importer.notes().begin(), importer.notes().end());
+  if (progress != nullptr) {
+    for (const std::string& note : importer.notes()) {
+      progress->Warning(path + ": " + note);
+    }
   }
   return body;
 }

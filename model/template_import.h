@@ -2,9 +2,9 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
 #include "model/body.h"
+#include "model/progress.h"
 
 namespace sweepfit {
 
@@ -19,13 +19,13 @@ namespace sweepfit {
 // otherwise than our template's are brought there by the sweeps. The person may
 // stand along any axis and face anywhere, in any unit of length. Pieces such as
 // eyes are left out and small holes filled (surface_repair.h). What was done is
-// added to `notes`, one sentence each.
+// told to `progress` as warnings, one sentence each, with the file's name.
 //
 // Throws InputError when joints are missing or in disorder, when the surface
 // cannot be made a single closed one, when the person does not stand upright,
 // and when the feet point backwards (left and right exchanged).
 Body ImportTemplate(const std::string& path,
                     const std::string& names = "auto",
-                    std::vector<std::string>* notes = nullptr);
+                    Progress* progress = nullptr);
 
 }  // namespace sweepfit

@@ -18,8 +18,6 @@
 namespace sweepfit {
 namespace {
 
-// Skin weights are fitted over this many sampled poses.
-
 // Runs one stage, timed, and keeps its summary whatever happens in it.
 void RunStage(const std::string& stage,
               const std::string& pose,
@@ -80,19 +78,11 @@ double BestStature(const std::vector<LandmarkResult>& landmarks) {
   return std::clamp(best->stature, 0.6, 2.5);
 }
 
-// The body to start from, whatever its stature; none: the generic one. What was
-// done to a file goes to `progress`.
+// The body to start from, whatever its stature; none: the generic one.
 std::optional<Body> ReadTemplate(const TemplateSource& source,
                                  Progress* progress) {
   if (source.file == "generic") return std::nullopt;
-  std::vector<std::string> notes;
-  std::optional<Body> body = ImportTemplate(source.file, source.names, &notes);
-  if (progress != nullptr) {
-    for (const std::string& note : notes) {
-      progress->Warning(source.file + ": " + note);
-    }
-  }
-  return body;
+  return ImportTemplate(source.file, source.names, progress);
 }
 
 Body StartBody(const std::optional<Body>& imported, double stature) {
@@ -116,120 +106,14 @@ void StorePoses(const JointResult& joints, FitResult* result) {
   }
 }
 
-}  // namespace
-
-int FindFitStage(std::string_view stage) {
-  const auto it = std::find(kFitStages.begin(), kFitStages.end(), stage);
-  return it == kFitStages.end() ? -1
-                                : static_cast<int>(it - kFitStages.begin());
-}
-
-std::optional<std::string> ExportOptions::Check() const {
-  const std::vector<std::string>& known = ExportNamePresets();
-  if (std::find(known.begin(), known.end(), names) == known.end()) {
-    std::string list;
-    for (const std::string& name : known) list += " " + name;
-    return "export.names must be one of" + list;
-  }
-  return std::nullopt;
-}
-
-std::optional<std::string> FitOptions::Check() const {
-  for (const auto& error : {segment.Check(),
-                            coherence.Check(),
-                            volume.Check(),
-                            landmarks.Check(),
-                            joints.Check(),
-                            global.Check(),
-                            local.Check(),
-                            photo.Check(),
-                            refine.Check(),
-                            texture.Check(),
-                            exported.Check()}) {
-    if (error) return error;
-  }
-  if (FindFitStage(until) < 0) {
-    std::string names;
-    for (const std::string_view stage : kFitStages) {
-      names += (names.empty() ? "" : ", ") + std::string(stage);
-    }
-    return "until must be one of " + names + ", not '" + until + "'";
-  }
-  return std::nullopt;
-}
-
-Observation Observe(const Capture& capture,
-                    const std::string& pose_name,
-                    const std::vector<std::string>& camera_ids,
-                    const FitOptions& options,
-                    Progress* progress) {
-  const int until = FindFitStage(options.until);
-  Observation seen;
-  seen.pose = pose_name;
-  // Bad keypoints are told before any work.
-  std::vector<Keypoint2> keypoints;
-  if (options.landmarks.keypoints != "none") {
-    for (Keypoint2& keypoint :
-         LoadKeypoints(options.landmarks.keypoints, capture)) {
-      if (keypoint.pose == pose_name) keypoints.push_back(std::move(keypoint));
-    }
-  }
-  RunStage(
-      "segment",
-      pose_name,
-      [&](StageSummary* summary) {
-        seen.views = Segment(capture,
-                             capture.FindPose(pose_name),
-                             camera_ids,
-                             options.segment,
-                             progress,
-                             summary);
-      },
-      progress,
-      &seen.stages);
-  RunStage(
-      "coherence",
-      pose_name,
-      [&](StageSummary* summary) {
-        CheckCoherence(options.coherence, progress, &seen, summary);
-      },
-      progress,
-      &seen.stages);
-  if (until < FindFitStage("volume")) return seen;
-  RunStage(
-      "volume",
-      pose_name,
-      [&](StageSummary* summary) {
-        seen.volume =
-            BuildVolume(seen.views, options.volume, progress, summary);
-      },
-      progress,
-      &seen.stages);
-  if (until < FindFitStage("landmarks")) return seen;
-  RunStage(
-      "landmarks",
-      pose_name,
-      [&](StageSummary* summary) {
-        seen.landmarks = FindLandmarks(seen.views,
-                                       *seen.volume,
-                                       keypoints,
-                                       options.landmarks,
-                                       progress,
-                                       summary);
-      },
-      progress,
-      &seen.stages);
-  return seen;
-}
-
-FitResult FitObserved(
+// FitObserved from a template that was read before (ReadTemplate).
+FitResult FitTemplate(
     const std::vector<std::shared_ptr<const Observation>>& observations,
     const std::vector<std::string>& camera_ids,
+    const std::optional<Body>& imported,
     const FitOptions& options,
     Progress* progress) {
   const int until = FindFitStage(options.until);
-  const std::optional<Body> imported =
-      ReadTemplate(options.body_template, nullptr);
   FitResult result;
   result.camera_ids = camera_ids;
   std::vector<LandmarkResult> landmarks;
@@ -375,6 +259,124 @@ FitResult FitObserved(
   return result;
 }
 
+}  // namespace
+
+int FindFitStage(std::string_view stage) {
+  const auto it = std::find(kFitStages.begin(), kFitStages.end(), stage);
+  return it == kFitStages.end() ? -1
+                                : static_cast<int>(it - kFitStages.begin());
+}
+
+std::optional<std::string> ExportOptions::Check() const {
+  const std::vector<std::string>& known = ExportNamePresets();
+  if (std::find(known.begin(), known.end(), names) == known.end()) {
+    std::string list;
+    for (const std::string& name : known) list += " " + name;
+    return "export.names must be one of" + list;
+  }
+  return std::nullopt;
+}
+
+std::optional<std::string> FitOptions::Check() const {
+  for (const auto& error : {segment.Check(),
+                            coherence.Check(),
+                            volume.Check(),
+                            landmarks.Check(),
+                            joints.Check(),
+                            global.Check(),
+                            local.Check(),
+                            photo.Check(),
+                            refine.Check(),
+                            texture.Check(),
+                            exported.Check()}) {
+    if (error) return error;
+  }
+  if (FindFitStage(until) < 0) {
+    std::string names;
+    for (const std::string_view stage : kFitStages) {
+      names += (names.empty() ? "" : ", ") + std::string(stage);
+    }
+    return "until must be one of " + names + ", not '" + until + "'";
+  }
+  return std::nullopt;
+}
+
+Observation Observe(const Capture& capture,
+                    const std::string& pose_name,
+                    const std::vector<std::string>& camera_ids,
+                    const FitOptions& options,
+                    Progress* progress) {
+  const int until = FindFitStage(options.until);
+  Observation seen;
+  seen.pose = pose_name;
+  // Bad keypoints are told before any work.
+  std::vector<Keypoint2> keypoints;
+  if (options.landmarks.keypoints != "none") {
+    for (Keypoint2& keypoint :
+         LoadKeypoints(options.landmarks.keypoints, capture)) {
+      if (keypoint.pose == pose_name) keypoints.push_back(std::move(keypoint));
+    }
+  }
+  RunStage(
+      "segment",
+      pose_name,
+      [&](StageSummary* summary) {
+        seen.views = Segment(capture,
+                             capture.FindPose(pose_name),
+                             camera_ids,
+                             options.segment,
+                             progress,
+                             summary);
+      },
+      progress,
+      &seen.stages);
+  RunStage(
+      "coherence",
+      pose_name,
+      [&](StageSummary* summary) {
+        CheckCoherence(options.coherence, progress, &seen, summary);
+      },
+      progress,
+      &seen.stages);
+  if (until < FindFitStage("volume")) return seen;
+  RunStage(
+      "volume",
+      pose_name,
+      [&](StageSummary* summary) {
+        seen.volume =
+            BuildVolume(seen.views, options.volume, progress, summary);
+      },
+      progress,
+      &seen.stages);
+  if (until < FindFitStage("landmarks")) return seen;
+  RunStage(
+      "landmarks",
+      pose_name,
+      [&](StageSummary* summary) {
+        seen.landmarks = FindLandmarks(seen.views,
+                                       *seen.volume,
+                                       keypoints,
+                                       options.landmarks,
+                                       progress,
+                                       summary);
+      },
+      progress,
+      &seen.stages);
+  return seen;
+}
+
+FitResult FitObserved(
+    const std::vector<std::shared_ptr<const Observation>>& observations,
+    const std::vector<std::string>& camera_ids,
+    const FitOptions& options,
+    Progress* progress) {
+  return FitTemplate(observations,
+                     camera_ids,
+                     ReadTemplate(options.body_template, nullptr),
+                     options,
+                     progress);
+}
+
 FitResult Fit(const Capture& capture,
               const std::vector<std::string>& pose_names,
               const std::vector<std::string>& camera_ids,
@@ -386,13 +388,14 @@ FitResult Fit(const Capture& capture,
     throw InputError("a fit needs at least two cameras");
   }
   // A file that does not serve is told before the pictures are looked at.
-  ReadTemplate(options.body_template, progress);
+  const std::optional<Body> imported =
+      ReadTemplate(options.body_template, progress);
   std::vector<std::shared_ptr<const Observation>> observations;
   for (const std::string& name : pose_names) {
     observations.push_back(std::make_shared<Observation>(
         Observe(capture, name, camera_ids, options, progress)));
   }
-  return FitObserved(observations, camera_ids, options, progress);
+  return FitTemplate(observations, camera_ids, imported, options, progress);
 }
 
 }  // namespace sweepfit

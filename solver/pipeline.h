@@ -45,7 +45,6 @@ struct TemplateSource {
   std::string names = "auto";  // of its joints, see joint_names.h
 };
 
-// Everything that can be configured about a fit, stage by stage.
 // What the result's files look like.
 struct ExportOptions {
   // Names of the joints in model.glb, a preset of model/export_names.h.
@@ -61,6 +60,7 @@ struct ExportOptions {
   std::optional<std::string> Check() const;
 };
 
+// Everything that can be configured about a fit, stage by stage.
 struct FitOptions {
   TemplateSource body_template;
   SegmentOptions segment;

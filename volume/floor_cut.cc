@@ -46,20 +46,19 @@ Volume CutBelowFloor(const std::vector<View>& views,
   if (!(floor - lowest > kDeepWedge * MostFloorError(views, hull))) {
     return hull;
   }
-  const double cut = floor - 0.5 * hull.voxel_size();
   std::vector<BlockGrid::Block> blocks = hull.impl().blocks.blocks();
   const double band = hull.band_half_width();
   for (BlockGrid::Block& block : blocks) {
     for (int o = 0; o < BlockGrid::kBlockSize; ++o) {
       const int row = BlockGrid::kSide * block.index.y() + (o >> 3 & 7);
       const double below =
-          std::clamp(cut - row * hull.voxel_size(), -band, band);
+          std::clamp(floor - row * hull.voxel_size(), -band, band);
       block.values[o] = std::max(block.values[o], static_cast<float>(below));
     }
   }
   BlockGrid grid(hull.voxel_size(), band, std::move(blocks));
   KeepLargestComponent(&grid);
-  if (depth != nullptr) *depth = cut - lowest;
+  if (depth != nullptr) *depth = floor - lowest;
   return MakeVolume(std::move(grid));
 }
 

@@ -12,8 +12,8 @@ namespace sweepfit {
 // that all look down leave a wedge there that no silhouette contradicts.
 //
 // Only where the wedge is several times as deep as the floor is uncertain,
-// because the plane may take that much of a sole that no view sees; the cut lies
-// half a voxel below the floor (FindFloor). `depth` (metres, may be null): of
+// because the plane (FindFloor) may take that much of a sole that no view sees.
+// `depth` (metres, may be null): of
 // what was taken off, 0 when nothing was.
 Volume CutBelowFloor(const std::vector<View>& views,
                      Volume hull,

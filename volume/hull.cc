@@ -3,11 +3,10 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <map>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -204,23 +203,20 @@ void HullBuilder::AddEvaluated(const Cell& cell,
                                std::vector<BlockGrid::Block>* blocks) const {
   BlockGrid::Block block;
   block.index = cell.first / BlockGrid::kSide;
+  const auto band = static_cast<float>(band_);
+  BlockField field;
+  field.values.fill(-band);
+  field.num_views.fill(static_cast<std::uint16_t>(cell.num_inside));
+  for (const int c : cell.cones) {
+    cones_[c].RaiseBlock(
+        voxel_size_ * cell.first.cast<double>(), voxel_size_, band, &field);
+  }
   bool empty = true;
   for (int o = 0; o < BlockGrid::kBlockSize; ++o) {
-    const Eigen::Vector3i voxel =
-        cell.first + Eigen::Vector3i(o >> 6, o >> 3 & 7, o & 7);
-    const Eigen::Vector3d point = voxel_size_ * voxel.cast<double>();
-    double value = -band_;
-    int num_views = cell.num_inside;
-    for (const int c : cell.cones) {
-      double phi = 0;
-      if (!cones_[c].Evaluate(point, &phi)) continue;
-      ++num_views;
-      value = std::max(value, phi);
-      if (value >= band_) break;
-    }
-    if (num_views < kMinViews || value >= band_) value = band_;
-    block.values[o] = static_cast<float>(value);
-    empty = empty && value >= band_;
+    const bool outside =
+        field.num_views[o] < kMinViews || field.values[o] >= band;
+    block.values[o] = outside ? band : field.values[o];
+    empty = empty && outside;
   }
   if (!empty) blocks->push_back(block);
 }
@@ -230,10 +226,19 @@ void HullBuilder::AddEvaluated(const Cell& cell,
 // look, as just before another camera, silhouettes leave phantoms that may be
 // large; the person is where many look.
 std::vector<Cell> KeepBestSeen(std::vector<Cell> cells) {
-  std::map<std::array<int, 3>, int> position;
+  // A place as one number; CoarseCells keeps coordinates small enough.
+  const auto key = [](const Eigen::Vector3i& first) {
+    constexpr int kBits = 21;
+    constexpr std::int64_t kHalf = std::int64_t{1} << (kBits - 1);
+    return ((first.x() / kCoarseSide + kHalf) << kBits |
+            (first.y() / kCoarseSide + kHalf))
+               << kBits |
+           (first.z() / kCoarseSide + kHalf);
+  };
+  std::unordered_map<std::int64_t, int> position;
+  position.reserve(2 * cells.size());
   for (size_t i = 0; i < cells.size(); ++i) {
-    const Eigen::Vector3i& first = cells[i].first;
-    position[{first.x(), first.y(), first.z()}] = static_cast<int>(i);
+    position[key(cells[i].first)] = static_cast<int>(i);
   }
   int most_views = 0;
   for (const Cell& cell : cells) {
@@ -257,7 +262,7 @@ std::vector<Cell> KeepBestSeen(std::vector<Cell> cells) {
         const Eigen::Vector3i next =
             cell.first +
             cell.side * Eigen::Vector3i(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-        const auto found = position.find({next.x(), next.y(), next.z()});
+        const auto found = position.find(key(next));
         if (found == position.end() || part[found->second] >= 0) continue;
         part[found->second] = num_parts;
         stack.push_back(found->second);
@@ -288,7 +293,10 @@ BlockGrid BuildBlocks(const std::vector<SilhouetteCone>& cones,
                         builder.Refine(cells[i], &parts[i]);
                       }
                     });
+  size_t count = 0;
+  for (const auto& part : parts) count += part.size();
   std::vector<BlockGrid::Block> blocks;
+  blocks.reserve(count);
   for (const auto& part : parts) {
     blocks.insert(blocks.end(), part.begin(), part.end());
   }

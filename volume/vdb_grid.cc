@@ -5,6 +5,7 @@
 #include <openvdb/io/File.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/VolumeToMesh.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cstdint>
@@ -12,6 +13,8 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <memory>
+#include <vector>
 
 #include "model/input_error.h"
 
@@ -87,28 +90,34 @@ void OverwriteUuid(std::string* bytes) {
 std::shared_ptr<const VdbGrid> MakeVdbGrid(const BlockGrid& blocks) {
   auto grid = EmptyLevelSet(blocks.voxel_size(), blocks.band());
   const auto band = static_cast<float>(blocks.band());
-  openvdb::FloatTree& tree = grid->tree();
-  for (const BlockGrid::Block& block : blocks.blocks()) {
-    const openvdb::Coord origin(block.index.x() * BlockGrid::kSide,
-                                block.index.y() * BlockGrid::kSide,
-                                block.index.z() * BlockGrid::kSide);
-    const auto [low, high] =
-        std::minmax_element(block.values.begin(), block.values.end());
-    if (*low >= band) continue;
-    if (*high <= -band) {
-      tree.addTile(1, origin, -band, false);
-      continue;
-    }
-    auto* leaf = new Leaf(origin, band, false);
+  const auto origin_of = [](const BlockGrid::Block& block) {
+    return openvdb::Coord(block.index.x() * BlockGrid::kSide,
+                          block.index.y() * BlockGrid::kSide,
+                          block.index.z() * BlockGrid::kSide);
+  };
+  const std::vector<BlockGrid::Block>& all = blocks.blocks();
+  std::vector<std::unique_ptr<Leaf>> leaves(all.size());
+  std::vector<char> is_tile(all.size(), 0);
+  tbb::parallel_for(size_t{0}, all.size(), [&](size_t b) {
+    const BlockGrid::BlockValues& values = all[b].values;
+    const auto [low, high] = std::minmax_element(values.begin(), values.end());
+    if (*low >= band) return;
+    is_tile[b] = *high <= -band;
+    if (is_tile[b]) return;
+    leaves[b] = std::make_unique<Leaf>(origin_of(all[b]), band, false);
     for (int o = 0; o < BlockGrid::kBlockSize; ++o) {
-      const float value = block.values[o];
-      if (std::abs(value) < band) {
-        leaf->setValueOn(o, value);
+      if (std::abs(values[o]) < band) {
+        leaves[b]->setValueOn(o, values[o]);
       } else {
-        leaf->setValueOff(o, value);
+        leaves[b]->setValueOff(o, values[o]);
       }
     }
-    tree.addLeaf(leaf);
+  });
+  openvdb::FloatTree& tree = grid->tree();
+  for (size_t b = 0; b < all.size(); ++b) {
+    if (is_tile[b]) tree.addTile(1, origin_of(all[b]), -band, false);
+    // The tree owns its leaves.
+    if (leaves[b] != nullptr) tree.addLeaf(leaves[b].release());
   }
   return std::make_shared<VdbGrid>(VdbGrid{grid});
 }

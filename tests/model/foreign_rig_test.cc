@@ -25,6 +25,17 @@ using Eigen::Vector3d;
 using ::testing::Contains;
 using ::testing::HasSubstr;
 
+// Keeps what it is told.
+class Listener : public Progress {
+ public:
+  void Stage(const std::string&, const std::string&) override {}
+  void Warning(const std::string& text) override { warnings_.push_back(text); }
+  const std::vector<std::string>& warnings() const { return warnings_; }
+
+ private:
+  std::vector<std::string> warnings_;
+};
+
 class ForeignRigTest : public ::testing::Test {
  protected:
   static const Body& Person() {
@@ -34,7 +45,7 @@ class ForeignRigTest : public ::testing::Test {
 
   Body Import(const ForeignRig& rig, const std::string& names = "auto") {
     WriteWholeFile(rig.Glb(Person()), path_);
-    return ImportTemplate(path_, names, &notes_);
+    return ImportTemplate(path_, names, &listener_);
   }
 
   // Joints, closed surface, sections, and postures are those of the person.
@@ -114,15 +125,16 @@ class ForeignRigTest : public ::testing::Test {
 
   TemporaryFolder folder_;
   std::string path_ = (folder_.path() / "foreign.glb").string();
-  std::vector<std::string> notes_;
+  Listener listener_;
 };
 
 TEST_F(ForeignRigTest, BecomesATemplate) {
   const Body body = Import({});
   ExpectPerson(body);
   EXPECT_NEAR(body.stature, Person().stature, 0.002);
-  EXPECT_THAT(notes_, Contains(HasSubstr("2 holes filled")));
-  EXPECT_THAT(notes_, Contains(HasSubstr("2 small pieces left out")));
+  EXPECT_THAT(listener_.warnings(), Contains(HasSubstr("2 holes filled")));
+  EXPECT_THAT(listener_.warnings(),
+              Contains(HasSubstr("2 small pieces left out")));
 }
 
 TEST_F(ForeignRigTest, PrefixesDoNotMatter) {
@@ -139,13 +151,15 @@ TEST_F(ForeignRigTest, PrefixesDoNotMatter) {
 TEST_F(ForeignRigTest, BoundPostureIsTakenWhenTheNodesAreBent) {
   const Body body = Import({.bent_nodes = true});
   ExpectPerson(body);
-  EXPECT_THAT(notes_, Contains(HasSubstr("as the skin was bound")));
+  EXPECT_THAT(listener_.warnings(),
+              Contains(HasSubstr("as the skin was bound")));
 }
 
 TEST_F(ForeignRigTest, TextureCoordinatesAreMade) {
   const Body body = Import({.texture_coordinates = false});
   ExpectPerson(body);
-  EXPECT_THAT(notes_, Contains(HasSubstr("new texture coordinates")));
+  EXPECT_THAT(listener_.warnings(),
+              Contains(HasSubstr("new texture coordinates")));
 }
 
 TEST_F(ForeignRigTest, WhatCannotServeIsSaid) {

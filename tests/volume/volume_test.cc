@@ -139,5 +139,50 @@ TEST(ComponentsTest, KeepsTheLargerOfTwo) {
   EXPECT_EQ(grid.Value(24 + (105 >> 6), 105 >> 3 & 7, 105 & 7), -0.01f);
 }
 
+TEST(ComponentsTest, JoinsAcrossFacesOfBlocks) {
+  // A U whose arms lie in blocks of their own meets in the block between them;
+  // a voxel between the arms belongs to neither.
+  std::vector<BlockGrid::Block> blocks;
+  for (int x = 0; x < 3; ++x) {
+    for (int y = 0; y < 2; ++y) {
+      BlockGrid::Block block{{x, y, 0}, {}};
+      block.values.fill(y == 0 || x != 1 ? -0.03f : 0.03f);
+      blocks.push_back(block);
+    }
+  }
+  float& single = blocks[3].values[3 << 6 | 4 << 3 | 3];
+  single = -0.01f;
+  BlockGrid grid(0.01, 0.03, blocks);
+  const ComponentCount count = KeepLargestComponent(&grid);
+  EXPECT_EQ(count.num_components, 2);
+  EXPECT_NEAR(count.dropped_volume, 1e-6, 1e-12);
+  EXPECT_EQ(grid.Value(8 + 3, 8 + 4, 3), 0.03f);
+  EXPECT_EQ(grid.Value(4, 12, 4), -0.03f);
+  EXPECT_EQ(grid.Value(20, 12, 4), -0.03f);
+}
+
+TEST(ComponentsTest, TakesTheFieldAroundWhatIsDropped) {
+  // Two balls ten voxels apart: the smaller one's field goes with it, that of
+  // the larger one stays as it is.
+  BlockGrid::Block left{{0, 0, 0}, {}}, right{{1, 0, 0}, {}};
+  const auto ball = [](BlockGrid::Block* block, int x, float radius) {
+    for (int o = 0; o < BlockGrid::kBlockSize; ++o) {
+      const Eigen::Vector3d at(8 * block->index.x() + (o >> 6) - x,
+                               (o >> 3 & 7) - 3.0,
+                               (o & 7) - 3.0);
+      const float value = 0.01f * static_cast<float>(at.norm() - radius);
+      block->values[o] = std::min(value, 0.03f);
+    }
+  };
+  ball(&left, 2, 1.2f);
+  ball(&right, 12, 2.2f);
+  BlockGrid grid(0.01, 0.03, {left, right});
+  EXPECT_EQ(KeepLargestComponent(&grid).num_components, 2);
+  EXPECT_EQ(grid.Value(2, 3, 3), 0.03f);
+  EXPECT_EQ(grid.Value(4, 3, 3), 0.03f);
+  EXPECT_LT(grid.Value(12, 3, 3), 0);
+  EXPECT_EQ(grid.Value(9, 3, 3), right.values[1 << 6 | 3 << 3 | 3]);
+}
+
 }  // namespace
 }  // namespace sweepfit
