@@ -1,9 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "experiments/report_html.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
+#include <set>
 #include <sstream>
+#include <utility>
+#include <vector>
 
 #include "model/skeleton.h"
 
@@ -28,6 +33,7 @@ figure { margin: 0; } figcaption { font-size: .8rem; color: #5a6572; }
 img.wide { max-width: 100%; } img.texture { width: 24rem; }
 .warn { background: #fff4d6; border-left: 4px solid #e0a100;
         padding: .5rem .9rem; margin: .5rem 0; }
+.key { display: inline-block; width: .8rem; height: .8rem; margin: 0 .3rem 0 1rem; }
 .ok { color: #1d7a3a; } .weak { color: #a06a00; } .failed { color: #b3261e; }
 )";
 
@@ -163,15 +169,198 @@ void WriteStages(const Json& report, std::ostream& out) {
       << " s in all.</p>\n";
 }
 
+// A colour for each family of residuals: what pictures say is blue and green,
+// what was known before is warm.
+const char* FamilyColour(const std::string& family) {
+  static const std::map<std::string, const char*> kColours = {
+      {"landmark", "#2b6cb0"},
+      {"silhouette", "#4299e1"},
+      {"photo", "#2f9e6e"},
+      {"hull", "#8ac6d1"},
+      {"stature", "#805ad5"},
+      {"anthropometric", "#dd8a1f"},
+      {"template", "#b7791f"},
+      {"pose", "#e8b04b"},
+      {"girth", "#f0cf8e"},
+      {"symmetry", "#d98880"},
+      {"smoothness", "#c9cfd6"}};
+  const auto it = kColours.find(family);
+  return it == kColours.end() ? "#000000" : it->second;
+}
+
+void WriteLegend(const std::vector<std::string>& families, std::ostream& out) {
+  out << "<p>";
+  for (const std::string& family : families) {
+    out << "<span class=\"key\" style=\"background:" << FamilyColour(family)
+        << "\"></span>" << EscapeHtml(family);
+  }
+  out << "</p>\n";
+}
+
+// A piece of a bar of shares in an SVG picture.
+void WritePiece(double x,
+                double y,
+                double width,
+                double height,
+                const std::string& colour,
+                std::ostream& out) {
+  char text[160];
+  std::snprintf(text,
+                sizeof text,
+                "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" "
+                "fill=\"%s\"/>",
+                x,
+                y,
+                width,
+                height,
+                colour.c_str());
+  out << text;
+}
+
+// How many unknowns each family of residuals decides, stage by stage.
+void WriteFamilies(const Json& report, std::ostream& out) {
+  std::vector<std::pair<std::string, const Json*>> columns;
+  for (const Json& stage : report["stages"]) {
+    if (!stage.contains("figures")) continue;
+    const Json& figures = stage["figures"];
+    const std::string name = stage["stage"].get<std::string>();
+    if (figures.contains("families")) {
+      columns.emplace_back(name, &figures["families"]);
+    } else if (figures.contains("pose") && figures["pose"].is_object() &&
+               figures["pose"].contains("families")) {
+      columns.emplace_back(name, &figures["pose"]["families"]);
+    }
+  }
+  if (columns.empty()) return;
+  out << "<h2>What decided the posture</h2>\n<p>Effective parameters: how many "
+      << "of the unknowns each family of residuals decides.</p>\n"
+      << "<table><tr><th>family</th>";
+  for (const auto& [name, families] : columns) {
+    out << "<th class=\"n\">" << EscapeHtml(name) << "</th>";
+  }
+  out << "</tr>\n";
+  for (const auto& [family, ignored] : columns.front().second->items()) {
+    out << "<tr><td>" << EscapeHtml(family) << "</td>";
+    for (const auto& [name, families] : columns) {
+      out << "<td class=\"n\">"
+          << Number(families->value(family, Json::object())
+                        .value("effective_parameters", Json()),
+                    1)
+          << "</td>";
+    }
+    out << "</tr>\n";
+  }
+  out << "</table>\n";
+}
+
+// One picture per sweep: a bar per cross-section that shows by what it is
+// known, and below it how well.
+void WriteSections(const Json& report, std::ostream& out) {
+  const Json* sections = nullptr;
+  for (const Json& stage : report["stages"]) {
+    if (stage.contains("figures") && stage["figures"].contains("sections") &&
+        stage["figures"]["sections"].is_object()) {
+      sections = &stage["figures"]["sections"];
+    }
+  }
+  if (sections == nullptr || sections->empty()) return;
+  std::vector<std::string> families;
+  double largest = 0;
+  for (const auto& [name, sweep] : sections->items()) {
+    if (families.empty()) {
+      for (const auto& [key, values] : sweep.items()) {
+        if (key != "u" && key != "radius" && key != "sigma") {
+          families.push_back(key);
+        }
+      }
+    }
+    for (const Json& sigma : sweep["sigma"]) {
+      largest = std::max(largest, sigma.get<double>());
+    }
+  }
+  out << "<h2>Cross-sections</h2>\n<p>By what the mean radius of every "
+      << "cross-section is known, from the trunk's or limb's beginning to its "
+      << "end; below, in grey, its standard deviation as if all measurements "
+      << "were independent (the longest bar is " << Number(largest, 2, 1000)
+      << " mm). Point at a bar for its numbers.</p>\n";
+  WriteLegend(families, out);
+  constexpr double kWidth = 12, kShares = 60, kSigmas = 30;
+  out << "<div class=\"grid\">\n";
+  for (const auto& [name, sweep] : sections->items()) {
+    const size_t count = sweep["u"].size();
+    out << "<figure><svg width=\"" << kWidth * static_cast<double>(count)
+        << "\" height=\"" << kShares + kSigmas + 2 << "\" role=\"img\">";
+    for (size_t i = 0; i < count; ++i) {
+      const double x = kWidth * static_cast<double>(i);
+      out << "<g><title>u " << Number(sweep["u"][i], 2) << ": radius "
+          << Number(sweep["radius"][i], 1, 1000) << " mm, sigma "
+          << Number(sweep["sigma"][i], 2, 1000) << " mm";
+      for (const std::string& family : families) {
+        out << ", " << EscapeHtml(family) << " "
+            << Number(sweep[family][i], 0, 100) << " %";
+      }
+      out << "</title>";
+      double y = 0;
+      for (const std::string& family : families) {
+        const double height = kShares * sweep[family][i].get<double>();
+        WritePiece(x, y, kWidth - 1, height, FamilyColour(family), out);
+        y += height;
+      }
+      WritePiece(x,
+                 kShares + 2,
+                 kWidth - 1,
+                 kSigmas * sweep["sigma"][i].get<double>() / largest,
+                 "#5a6572",
+                 out);
+      out << "</g>";
+    }
+    out << "</svg><figcaption>" << EscapeHtml(name)
+        << "</figcaption></figure>\n";
+  }
+  out << "</div>\n";
+}
+
+// The families' shares as one bar.
+void WriteEvidence(const Json& evidence, std::ostream& out) {
+  constexpr double kWidth = 120, kHeight = 12;
+  out << "<svg width=\"" << kWidth << "\" height=\"" << kHeight
+      << "\" role=\"img\"><title>";
+  bool any = false;
+  for (const auto& [family, share] : evidence.items()) {
+    out << (any ? ", " : "") << EscapeHtml(family) << " "
+        << Number(share, 0, 100) << " %";
+    any = true;
+  }
+  out << "</title>";
+  double x = 0;
+  for (const auto& [family, share] : evidence.items()) {
+    const double width = kWidth * share.get<double>();
+    WritePiece(x, 0, width, kHeight, FamilyColour(family), out);
+    x += width;
+  }
+  out << "</svg>";
+}
+
 void WriteJoints(const Json& joints, std::ostream& out) {
   if (!joints.contains("detail") || joints["detail"].empty()) return;
   out << "<h2>Joints</h2>\n<p>Reliability is the share of what is known that "
       << "comes from the pictures: 0 is priors only. Sigma is one standard "
-      << "deviation per axis.</p>\n<table><tr><th>joint</th>";
+      << "deviation per axis. The bar says which families of residuals it "
+      << "is known by.</p>\n";
+  std::set<std::string> families;
+  for (const auto& [pose, detail] : joints["detail"].items()) {
+    for (const auto& [joint, figures] : detail.items()) {
+      for (const auto& [family, share] : figures["evidence"].items()) {
+        families.insert(family);
+      }
+    }
+  }
+  WriteLegend({families.begin(), families.end()}, out);
+  out << "<table><tr><th>joint</th>";
   for (const auto& [pose, ignored] : joints["detail"].items()) {
     const std::string name = EscapeHtml(pose);
     out << "<th class=\"n\">" << name << ": reliability</th><th class=\"n\">"
-        << "sigma, mm</th>";
+        << "sigma, mm</th><th>evidence</th>";
   }
   out << "</tr>\n";
   for (const std::string_view joint : kJointNames) {
@@ -180,7 +369,9 @@ void WriteJoints(const Json& joints, std::ostream& out) {
     for (const auto& [pose, detail] : joints["detail"].items()) {
       out << "<td class=\"n\">" << Number(detail[name]["reliability"], 2)
           << "</td><td class=\"n\">" << Number(detail[name]["sigma"], 1, 1000)
-          << "</td>";
+          << "</td><td>";
+      WriteEvidence(detail[name]["evidence"], out);
+      out << "</td>";
     }
     out << "</tr>\n";
   }
@@ -239,7 +430,9 @@ std::string ReportHtml(const Json& report,
   WriteSilhouetteScores(report, out);
   WriteBody(report, out);
   WriteStages(report, out);
+  WriteFamilies(report, out);
   WriteJoints(joints, out);
+  WriteSections(report, out);
   if (!pictures.texture.empty()) {
     out << "<h2>Texture</h2>\n<img class=\"texture\" alt=\"texture\" src=\""
         << pictures.texture << "\">\n";

@@ -445,7 +445,8 @@ Json JointsToJson(const std::vector<PoseResult>& poses) {
       detail[pose.name][name] = {
           {"reliability", pose.joints.reliability[joint]},
           {"sigma", std::sqrt(covariance.trace() / 3)},
-          {"covariance", ToJson(covariance)}};
+          {"covariance", ToJson(covariance)},
+          {"evidence", pose.joints.evidence[joint]}};
     }
   }
   return {{"unit", "m"}, {"poses", positions}, {"detail", detail}};

@@ -17,6 +17,7 @@
 #include "residuals/surface_point.h"
 #include "solver/carried_surface.h"
 #include "solver/fit_body.h"
+#include "solver/radius_problem.h"
 #include "solver/solve_person.h"
 #include "volume/cut_plane.h"
 
@@ -29,42 +30,11 @@ constexpr int kHullStride = 5;
 constexpr double kRimReach = 20;  // pixels
 // Outlines this far off on average mean a wrong posture, not a rough surface.
 constexpr double kSoundRimError = 0.015;  // metres
-// Radii may not leave the template by more than a factor of e^0.9.
-constexpr double kLargestLogRatio = 0.9;
-
 // The photographs are matched this far about the body, metres, in steps of so
 // many pixels.
 constexpr double kPhotoReach = 0.018;
 constexpr double kPhotoReachLast = 0.010;
 constexpr double kPhotoStep = 0.85;
-
-// The unknowns: log ratios, one parameter block per key row.
-using Rows = std::vector<std::vector<std::vector<double>>>;  // sweep, row, col
-
-Rows RowsOf(const Body& body) {
-  Rows rows(body.sweeps.size());
-  for (size_t s = 0; s < body.sweeps.size(); ++s) {
-    const Sweep& sweep = body.sweeps[s];
-    rows[s].resize(sweep.num_rows());
-    for (int r = 0; r < sweep.num_rows(); ++r) {
-      for (int c = 0; c < sweep.num_columns(); ++c) {
-        rows[s][r].push_back(sweep.log_ratio(r, c));
-      }
-    }
-  }
-  return rows;
-}
-
-void StoreRows(const Rows& rows, Body* body) {
-  for (size_t s = 0; s < rows.size(); ++s) {
-    for (size_t r = 0; r < rows[s].size(); ++r) {
-      for (size_t c = 0; c < rows[s][r].size(); ++c) {
-        body->sweeps[s].log_ratio(r, c) =
-            std::clamp(rows[s][r][c], -kLargestLogRatio, kLargestLogRatio);
-      }
-    }
-  }
-}
 
 // The feature weight (paper IV.B) where a vertex sits.
 double FeatureWeight(const Body& body, int vertex) {
@@ -94,7 +64,7 @@ RowPoint MakeRowPoint(const Body& body,
                       const PosedBody& posed,
                       const RestDerivative& rest_derivative,
                       int vertex,
-                      Rows* rows) {
+                      RadiusProblem* problem) {
   auto point = std::make_shared<RadiusPoint>();
   RowPoint result;
   point->point_in_world = posed.mesh.vertices[vertex];
@@ -105,13 +75,13 @@ RowPoint MakeRowPoint(const Body& body,
     const auto [it, inserted] = block_of_row.try_emplace(
         {term.sweep, row}, static_cast<int>(result.blocks.size()));
     if (inserted) {
-      result.blocks.push_back((*rows)[term.sweep][row].data());
+      result.blocks.push_back(problem->Row(term.sweep, row));
       point->block_sizes.push_back(columns);
     }
     point->terms.push_back(
         {it->second,
          column,
-         (*rows)[term.sweep][row][column],
+         problem->Row(term.sweep, row)[column],
          posed.motions[vertex].rotation * term.direction_at_rest});
   }
   result.point = std::move(point);
@@ -119,12 +89,14 @@ RowPoint MakeRowPoint(const Body& body,
 }
 
 template <typename Measurement>
-void AddPoint(Measurement measurement,
+void AddPoint(RadiusFamily family,
+              Measurement measurement,
               const RowPoint& point,
               double weight,
               ceres::LossFunction* loss,
-              ceres::Problem* problem) {
-  problem->AddResidualBlock(
+              RadiusProblem* problem) {
+  problem->Add(
+      family,
       new RadiusPointCost<Measurement>(std::move(measurement), point.point),
       new ceres::ScaledLoss(loss, weight, ceres::TAKE_OWNERSHIP),
       point.blocks);
@@ -137,8 +109,7 @@ void AddEvidence(const PoseEvidence& evidence,
                  const Pose& pose,
                  const std::vector<RestDerivative>& rest_derivatives,
                  const std::vector<PhotoPoint>& photo,
-                 Rows* rows,
-                 ceres::Problem* problem) {
+                 RadiusProblem* problem) {
   const PosedBody posed = PoseForFit(body, pose);
   const std::vector<View>& views = *evidence.views;
   const RimEvidence rims = GatherRimEvidence(
@@ -148,7 +119,7 @@ void AddEvidence(const PoseEvidence& evidence,
     auto [it, inserted] = points.try_emplace(vertex);
     if (inserted) {
       it->second =
-          MakeRowPoint(body, posed, rest_derivatives[vertex], vertex, rows);
+          MakeRowPoint(body, posed, rest_derivatives[vertex], vertex, problem);
     }
     return it->second;
   };
@@ -156,7 +127,8 @@ void AddEvidence(const PoseEvidence& evidence,
     const double weight = rim.weight * FeatureWeight(body, rim.vertex);
     const View& view = views[rim.view];
     if (weight <= 0 || at(rim.vertex).blocks.empty()) continue;
-    AddPoint(SilhouetteRim(&view.camera, &view.signed_distance, sigma_rim),
+    AddPoint(RadiusFamily::kSilhouette,
+             SilhouetteRim(&view.camera, &view.signed_distance, sigma_rim),
              at(rim.vertex),
              weight,
              new ceres::HuberLoss(2),
@@ -166,7 +138,8 @@ void AddEvidence(const PoseEvidence& evidence,
     const double weight = pair.weight * FeatureWeight(body, pair.vertex);
     const View& view = views[pair.view];
     if (weight <= 0 || at(pair.vertex).blocks.empty()) continue;
-    AddPoint(ContourMatch(&view.camera,
+    AddPoint(RadiusFamily::kSilhouette,
+             ContourMatch(&view.camera,
                           pair.contour_pixel,
                           pair.contour_normal,
                           pair.depth,
@@ -180,7 +153,8 @@ void AddEvidence(const PoseEvidence& evidence,
     const double weight =
         evidence.photo->options().weight * FeatureWeight(body, seen.vertex);
     if (weight <= 0 || at(seen.vertex).blocks.empty()) continue;
-    AddPoint(SurfacePoint(seen.point_in_world, seen.unit_normal, seen.sigma),
+    AddPoint(RadiusFamily::kPhoto,
+             SurfacePoint(seen.point_in_world, seen.unit_normal, seen.sigma),
              at(seen.vertex),
              weight,
              new ceres::HuberLoss(2),
@@ -198,7 +172,8 @@ void AddEvidence(const PoseEvidence& evidence,
       continue;
     }
     if (at(v).blocks.empty()) continue;
-    AddPoint(HullDistance(evidence.volume, hull),
+    AddPoint(RadiusFamily::kHull,
+             HullDistance(evidence.volume, hull),
              at(v),
              weight,
              new ceres::HuberLoss(2),
@@ -224,55 +199,56 @@ std::vector<int> MirrorColumns(const Sweep& left, const Sweep& right) {
 
 void AddRegularisation(const Body& body,
                        const LocalOptions& options,
-                       Rows* rows,
-                       ceres::Problem* problem) {
-  for (size_t s = 0; s < body.sweeps.size(); ++s) {
+                       RadiusProblem* problem) {
+  for (size_t i = 0; i < body.sweeps.size(); ++i) {
+    const int s = static_cast<int>(i);
     const Sweep& sweep = body.sweeps[s];
     const int n = sweep.num_columns();
-    const auto row = [&](int r) { return (*rows)[s][r].data(); };
-    const int mirror = MirrorSweep(body, static_cast<int>(s));
+    const int mirror = MirrorSweep(body, s);
     for (int r = 0; r < sweep.num_rows(); ++r) {
-      problem->AddResidualBlock(
-          SmoothAroundSection(n, options.sigma_around), nullptr, row(r));
-      problem->AddResidualBlock(
-          new PriorResidual(
-              Eigen::VectorXd::Zero(n),
-              Eigen::VectorXd::Constant(n, options.sigma_magnitude)),
-          nullptr,
-          row(r));
+      problem->Add(RadiusFamily::kSmoothness,
+                   SmoothAroundSection(n, options.sigma_around),
+                   nullptr,
+                   {problem->Row(s, r)});
+      problem->Add(RadiusFamily::kTemplate,
+                   new PriorResidual(
+                       Eigen::VectorXd::Zero(n),
+                       Eigen::VectorXd::Constant(n, options.sigma_magnitude)),
+                   nullptr,
+                   {problem->Row(s, r)});
       if (r > 0 && r + 1 < sweep.num_rows()) {
-        problem->AddResidualBlock(
-            SmoothAlongSweep(n,
-                             sweep.key_u[r] - sweep.key_u[r - 1],
-                             sweep.key_u[r + 1] - sweep.key_u[r],
-                             options.sigma_along),
-            nullptr,
-            row(r - 1),
-            row(r),
-            row(r + 1));
+        problem->Add(RadiusFamily::kSmoothness,
+                     SmoothAlongSweep(n,
+                                      sweep.key_u[r] - sweep.key_u[r - 1],
+                                      sweep.key_u[r + 1] - sweep.key_u[r],
+                                      options.sigma_along),
+                     nullptr,
+                     {problem->Row(s, r - 1),
+                      problem->Row(s, r),
+                      problem->Row(s, r + 1)});
       }
-      if (mirror > static_cast<int>(s)) {
-        problem->AddResidualBlock(
-            RowSymmetry(MirrorColumns(sweep, body.sweeps[mirror]),
-                        options.sigma_symmetry),
-            nullptr,
-            row(r),
-            (*rows)[mirror][r].data());
+      if (mirror > s) {
+        problem->Add(RadiusFamily::kSymmetry,
+                     RowSymmetry(MirrorColumns(sweep, body.sweeps[mirror]),
+                                 options.sigma_symmetry),
+                     nullptr,
+                     {problem->Row(s, r), problem->Row(mirror, r)});
       }
     }
   }
 }
 
+// `sections` (may be null): how well each is known, which costs.
 nlohmann::ordered_json SolveRadii(
     const std::vector<PoseEvidence>& evidence,
     const LocalOptions& options,
     double sigma_rim,
     const JointResult& joints,
     const std::vector<std::vector<PhotoPoint>>& photo,
-    Body* body) {
-  Rows rows = RowsOf(*body);
+    Body* body,
+    nlohmann::ordered_json* sections) {
+  RadiusProblem problem(*body);
   const std::vector<RestDerivative> rest_derivatives = RestByLogRatio(*body);
-  ceres::Problem problem;
   for (size_t p = 0; p < evidence.size(); ++p) {
     AddEvidence(evidence[p],
                 options,
@@ -281,29 +257,14 @@ nlohmann::ordered_json SolveRadii(
                 joints.poses[p].pose,
                 rest_derivatives,
                 photo[p],
-                &rows,
                 &problem);
   }
-  AddRegularisation(*body, options, &rows, &problem);
-  ceres::Solver::Options solver;
-  solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  solver.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
-  solver.num_threads = 1;
-  solver.max_num_iterations = 6;
-  solver.function_tolerance = 5e-4;
-  solver.logging_type = ceres::SILENT;
-  ceres::Solver::Summary summary;
-  ceres::Solve(solver, &problem, &summary);
-  StoreRows(rows, body);
-  nlohmann::ordered_json report;
-  report["iterations"] = static_cast<int>(summary.iterations.size()) - 1;
-  report["termination"] =
-      ceres::TerminationTypeToString(summary.termination_type);
-  report["usable"] = summary.IsSolutionUsable();
-  report["residuals"] = summary.num_residuals;
-  report["parameters"] = summary.num_parameters;
-  report["cost_start"] = summary.initial_cost;
-  report["cost_end"] = summary.final_cost;
+  AddRegularisation(*body, options, &problem);
+  nlohmann::ordered_json report = problem.Solve();
+  problem.Store(body);
+  if (sections != nullptr) {
+    *sections = SectionsToJson(*body, problem.Evidence(*body));
+  }
   return report;
 }
 
@@ -379,7 +340,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
   if (options.mode != "rim") {
     SampleHullRadii(evidence, options.mode == "paper", *joints, body);
   } else {
-    nlohmann::ordered_json report, person_report;
+    nlohmann::ordered_json report, person_report, sections;
     std::vector<std::vector<PhotoPoint>> photo(evidence.size());
     for (int round = 0; round < options.rounds; ++round) {
       const bool first = round == 0;
@@ -397,7 +358,8 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
                           (first ? 2 : 1) * options.sigma_rim,
                           *joints,
                           photo,
-                          body);
+                          body,
+                          last ? &sections : nullptr);
       const int left = options.rounds - 1 - round;
       if (left == 0) break;
       // With better radii the outline says more about the pose.
@@ -412,6 +374,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
     }
     summary->figures["radii"] = report;
     summary->figures["pose"] = person_report;
+    summary->figures["sections"] = sections;
     if (!report["usable"].get<bool>()) summary->status = "failed";
   }
   const double error = MeanRimError(evidence, *joints, *body, kRimReach);

@@ -42,6 +42,9 @@ struct JointEstimate {
   std::array<Eigen::Matrix3d, kNumJoints> covariance;
   // 1 - trace(posterior) / trace(prior), 0 (priors only) .. 1 (images only).
   std::array<double, kNumJoints> reliability{};
+  // What part of what is known of the joint's place each family of residuals
+  // brings, by its name; the parts sum to 1.
+  std::array<std::map<std::string, double>, kNumJoints> evidence;
 };
 
 struct JointResult {

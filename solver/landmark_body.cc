@@ -659,8 +659,8 @@ void BodyTracer::AddArms() {
     AddOnLimb(kWrist[side],
               arm.line,
               s_wrist,
-              arm.is_clear ? 0.010 : 0.014,
-              arm.is_clear ? 0.007 : 0.012);
+              arm.is_clear ? 0.008 : 0.011,
+              arm.is_clear ? 0.0055 : 0.0095);
     Eigen::Vector3d axis_point, axis;
     if (!FitAxis(arm.line,
                  arm.s_merge - 0.1 * height_,

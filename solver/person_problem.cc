@@ -314,12 +314,28 @@ void FillJointResult(const PersonProblem& problem,
   }
   if (!with_covariance) return;
   const Eigen::MatrixXd covariance = problem.Covariance();
+  std::array<Eigen::MatrixXd, kNumFamilies> information;
+  for (int f = 0; f < kNumFamilies; ++f) {
+    information[f] = problem.Information(f);
+  }
   for (size_t p = 0; p < parameters.pose.size(); ++p) {
     JointEstimate& estimate = result->poses[p];
     for (int j = 0; j < kNumJoints; ++j) {
       const Eigen::Matrix3Xd by =
           problem.JointDerivative(static_cast<int>(p), j);
       estimate.covariance[j] = by * covariance * by.transpose();
+      // The posterior is C = C (sum of H_f) C: each family's part of it.
+      const Eigen::Matrix3Xd moved = by * covariance;
+      std::array<double, kNumFamilies> part{};
+      double whole = 0;
+      for (int f = 0; f < kNumFamilies; ++f) {
+        part[f] = (moved * information[f]).cwiseProduct(moved).sum();
+        whole += part[f];
+      }
+      for (int f = 0; f < kNumFamilies; ++f) {
+        if (part[f] > 0)
+          estimate.evidence[j][kFamilyNames[f]] = part[f] / whole;
+      }
       if (j == 0) continue;
       const Eigen::Matrix3Xd relative =
           by - problem.JointDerivative(static_cast<int>(p), kJointParents[j]);

@@ -113,6 +113,9 @@ class PersonProblem {
   // 3 x (number of parameters) derivative of a joint in the same order.
   Eigen::Matrix3Xd JointDerivative(int pose, int joint) const;
 
+  // J^T J of one family, or of all families when family < 0.
+  Eigen::MatrixXd Information(int family) const;
+
   int num_parameters() const;
   Skeleton CurrentSkeleton() const;
 
@@ -127,8 +130,6 @@ class PersonProblem {
            ceres::LossFunction* loss,
            const std::vector<double*>& blocks);
   std::vector<double*> AllBlocks() const;
-  // J^T J of one family, or of all families when family < 0.
-  Eigen::MatrixXd Information(int family) const;
   double Cost(int family) const;
 
   Skeleton base_;

@@ -35,6 +35,7 @@ FitResult MakeResult() {
   pose.joints.frames = pose.frames;
   pose.joints.covariance.fill(1e-4 * Eigen::Matrix3d::Identity());
   pose.joints.reliability.fill(0.75);
+  pose.joints.evidence.fill({{"landmark", 0.9}, {"pose", 0.1}});
   Landmark3 crown;
   crown.name = "head_end";
   crown.joint = kHeadEnd;
@@ -180,6 +181,7 @@ TEST(ResultFolder, MasksAndJointsAreWhatWasFound) {
   EXPECT_NEAR(
       joints["detail"]["A"]["l_wrist"]["sigma"].get<double>(), 0.01, 1e-12);
   EXPECT_EQ(joints["detail"]["A"]["l_wrist"]["reliability"], 0.75);
+  EXPECT_EQ(joints["detail"]["A"]["l_wrist"]["evidence"]["landmark"], 0.9);
   const Json landmarks =
       Json::parse(ReadBytes(scratch.path() / "landmarks.json"));
   EXPECT_EQ(landmarks["poses"]["A"]["landmarks"][0]["joint"], "head_end");
@@ -229,6 +231,32 @@ TEST(ResultFolder, SameResultSameBytesButTimes) {
   for (const auto& [name, bytes] : runs[0]) {
     EXPECT_TRUE(runs[1][name] == bytes) << name;
   }
+}
+
+TEST(ReportHtml, SaysByWhatSectionsAreKnown) {
+  Json report = {{"capture", "c"},
+                 {"version", "v"},
+                 {"cameras", {"a"}},
+                 {"options", {{"until", "refine"}}},
+                 {"holdout_scores_void", false},
+                 {"poses", Json::object()},
+                 {"times", {{"stages", {{{"seconds", 1}}}}, {"total", 1}}}};
+  const Json arm = {{"u", {0.5, 1.25}},
+                    {"radius", {0.05, 0.04}},
+                    {"sigma", {0.0004, 0.0002}},
+                    {"silhouette", {0.25, 0.5}},
+                    {"photo", {0.75, 0.5}}};
+  report["stages"] = {{{"stage", "local"},
+                       {"status", "ok"},
+                       {"warnings", Json::array()},
+                       {"figures", {{"sections", {{"l_arm", arm}}}}}}};
+  const std::string html = ReportHtml(report, Json::object(), {});
+  EXPECT_THAT(html,
+              HasSubstr("u 1.25: radius 40.0 mm, sigma 0.20 mm, silhouette 50 "
+                        "%, photo 50 %"));
+  EXPECT_THAT(html, HasSubstr("<figcaption>l_arm</figcaption>"));
+  // Three quarters of a bar of 60.
+  EXPECT_THAT(html, HasSubstr("height=\"45.0\""));
 }
 
 TEST(ReportHtml, EscapesWhatCouldBeMarkup) {

@@ -152,6 +152,8 @@ TEST(Fit, PhotographsBringTheSurfaceCloser) {
   const TriangleMesh surface =
       LoadPly((capture.folder / "truth" / "A" / "surface.ply").string());
   std::array<double, 2> error{};
+  // Of the left forearm's middle section.
+  std::array<double, 2> sigma{}, photo_share{};
   for (const bool enabled : {false, true}) {
     FitOptions options;
     options.photo.enabled = enabled;
@@ -162,7 +164,18 @@ TEST(Fit, PhotographsBringTheSurfaceCloser) {
         PosedMesh(result.body, result.poses[0].vertices_in_world);
     error[enabled] = CompareSurfaces(mesh, surface, 10000, 1).mean +
                      CompareSurfaces(surface, mesh, 10000, 1).mean;
+    for (const StageSummary& stage : result.stages) {
+      if (stage.stage != "local") continue;
+      const auto& arm = stage.figures["sections"]["l_arm"];
+      const size_t middle = arm["u"].size() / 2;
+      sigma[enabled] = arm["sigma"][middle];
+      photo_share[enabled] = arm["photo"][middle];
+    }
   }
+  EXPECT_EQ(photo_share[0], 0);
+  EXPECT_GT(photo_share[1], 0.05);
+  EXPECT_LT(sigma[1], sigma[0]);
+  EXPECT_GT(sigma[1], 0);
   RecordProperty("outlines_um", static_cast<int>(5e5 * error[0]));
   RecordProperty("photographs_um", static_cast<int>(5e5 * error[1]));
   EXPECT_LT(error[1], 0.8 * error[0]);

@@ -124,6 +124,17 @@ TEST(EstimateJoints, AMissingLandmarkIsLessCertainAndStaysPlausible) {
             2 * with.poses[0].covariance[kLElbow].trace());
   EXPECT_LT(without.poses[0].reliability[kLElbow],
             with.poses[0].reliability[kLElbow]);
+  // What the landmark does not say, tables and priors do.
+  EXPECT_LT(without.poses[0].evidence[kLElbow].at("landmark"),
+            with.poses[0].evidence[kLElbow].at("landmark") - 0.1);
+  for (const auto& evidence : without.poses[0].evidence) {
+    double sum = 0;
+    for (const auto& [family, share] : evidence) {
+      EXPECT_GT(share, 0) << family;
+      sum += share;
+    }
+    EXPECT_NEAR(sum, 1, 1e-9);
+  }
   EXPECT_LT((without.poses[0].frames.joint_in_world[kLElbow] -
              truth.joint_in_world[kLElbow])
                 .norm(),
