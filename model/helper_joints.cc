@@ -57,10 +57,11 @@ struct SkinPatch {
   double begin;  // negative: before the joint
   double end;
   Eigen::Vector3d side;
+  // The vertices of a patch belong to the sweep by a weight in this range.
+  double min_weight = 0.4;
+  double max_weight = 1;
 };
 constexpr double kPatchHalfWidth = 0.8;  // radians around the limb
-// The vertices of a patch belong to the sweep by at least this weight.
-constexpr double kMinPatchWeight = 0.4;
 
 std::vector<int> FindSkin(const Body& body,
                           const std::vector<Eigen::Vector3d>& rest_vertices,
@@ -73,7 +74,10 @@ std::vector<int> FindSkin(const Body& body,
   std::vector<int> skin;
   for (int v = 0; v < body.num_vertices(); ++v) {
     for (const SweepAttachment& a : body.binding[v].attachment) {
-      if (a.sweep != sweep_index || a.weight < kMinPatchWeight) continue;
+      if (a.sweep != sweep_index || a.weight < patch.min_weight ||
+          a.weight > patch.max_weight) {
+        continue;
+      }
       const int bone = a.u < k ? k - 1 : k;
       if (bone < 0) continue;
       const double distance =
@@ -104,7 +108,7 @@ bool FoldsAt(const Sweep& sweep, int k) {
 
 // Where skin moves as no section does: it is pressed back where a limb folds
 // over itself, the further from the joint the deeper the fold; drawn over the
-// tip of a bend; and stretched where a limb leaves the trunk.
+// tip of a bend; and stretched or closed where a limb leaves the trunk.
 std::vector<SkinPatch> PatchesAtJoint(const Sweep& sweep,
                                       int k,
                                       const JointLimit& limit) {
@@ -115,12 +119,22 @@ std::vector<SkinPatch> PatchesAtJoint(const Sweep& sweep,
     const Eigen::Vector3d medial(is_left ? -1 : 1, 0, 0);
     return {{"_fold_after", 0.2, 1.1, inner},
             {"_pit", 0.9, 2.0, medial},
+            {"_hollow", 0.2, 1.6, medial, 0.1, 0.4},
             {"_rear", 0.2, 1.4, -inner}};
   }
   if (!FoldsAt(sweep, k)) return {};
   if (!is_limb) {
-    return {{"_fold_before", -1.1, -0.2, inner},
-            {"_fold_after", 0.2, 1.1, inner}};
+    // The waist is broad: its fold is deep in front and shallow at the flanks.
+    const Eigen::Vector3d left =
+        0.5 * inner.normalized() + Eigen::Vector3d(0.9, 0, 0);
+    const Eigen::Vector3d right = left.cwiseProduct(Eigen::Vector3d(-1, 1, 1));
+    return {{"_fold_before", -0.6, 0, inner},
+            {"_fold_before_far", -1.3, -0.5, inner},
+            {"_fold_after", 0.2, 1.1, inner},
+            {"_fold_before_left", -0.8, 0, left},
+            {"_fold_before_right", -0.8, 0, right},
+            {"_fold_after_left", 0, 0.8, left},
+            {"_fold_after_right", 0, 0.8, right}};
   }
   return {{"_fold_before_far", -2.4, -1.3, inner},
           {"_fold_before", -1.1, -0.2, inner},

@@ -25,9 +25,12 @@ namespace sweepfit {
 //                  the skin on the inner side of a bend, before and after the
 //                  joint, pressed back where the limb folds over itself
 //   <joint>_tip    the skin on the outer side: kneecap and point of the elbow
-//   <joint>_pit, _rear
+//   <joint>_pit, _hollow, _rear
 //                  the skin between a limb and the trunk, armpit and crotch,
-//                  and behind the root of the limb
+//                  on the limb's side and on the trunk's, and behind the root
+//                  of the limb
+//   spine_fold_before_left, ... _right and _after_...
+//                  the flanks of the waist
 //
 // All are functions of the posture. File formats have no such rules, so their
 // motion is baked into every clip; in an engine a constraint of half the

@@ -107,6 +107,8 @@ Candidates FindCandidates(const Body& body,
   constexpr double kNear = 0.1;
   // Beyond so many parameters a joint does not matter.
   constexpr double kReach = 1.2;
+  // A helper that rides on skin matters only near it.
+  constexpr double kSkinReach = 0.6;
   JointWeights score{};
   const auto& attachments = body.binding[vertex].attachment;
   for (const SweepAttachment& attachment : attachments) {
@@ -125,6 +127,7 @@ Candidates FindCandidates(const Body& body,
     }
   }
   for (std::size_t h = 0; h < helpers.size(); ++h) {
+    const double reach = helpers[h].skin.empty() ? kReach : kSkinReach;
     double lowest = 1e9;
     for (const HelperJoint::Source& source : helpers[h].sources) {
       double here = 0;
@@ -135,7 +138,7 @@ Candidates FindCandidates(const Body& body,
         const double distance = helpers[h].sources.size() > 1
                                     ? 0
                                     : std::abs(attachment.u - source.u);
-        if (distance <= kReach) here += attachment.weight / (kNear + distance);
+        if (distance <= reach) here += attachment.weight / (kNear + distance);
       }
       lowest = std::min(lowest, here);
     }
@@ -259,6 +262,10 @@ std::array<int, kMaxSkinJoints> MirrorTable(
       other[0] = 'r';
     } else if (other.starts_with("r_")) {
       other[0] = 'l';
+    } else if (other.ends_with("_left")) {
+      other.replace(other.size() - 4, 4, "right");
+    } else if (other.ends_with("_right")) {
+      other.replace(other.size() - 5, 5, "left");
     }
     for (std::size_t k = 0; k < helpers.size(); ++k) {
       if (helpers[k].name == other) {

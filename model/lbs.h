@@ -19,7 +19,7 @@ struct SkinWeights {
 };
 
 // Fits for files use so many poses and this seed.
-inline constexpr int kSkinPoses = 160;
+inline constexpr int kSkinPoses = 240;
 inline constexpr unsigned kSkinSeed = 1;
 
 struct SkinFit {

@@ -10,11 +10,14 @@
 namespace sweepfit {
 
 // Turns faces of a posed mesh back that a deep fold has turned over: at the
-// groin, the armpit or the nape a joint can bend further than the skin beside
-// it has room for. The vertices of such faces and their neighbours are drawn
-// to the mean of the vertices around them until every face looks to the side
-// that its vertices' rotations say, or a number of rounds is over. Faces
-// elsewhere stay as they are, so a posture without folds is left alone.
+// groin, the armpit or the waist a joint can bend further than the skin beside
+// it has room for. First the vertices of such faces and their neighbours are
+// drawn a few millimetres to the mean of the vertices around them, which irons
+// the fold; then what still is turned over is turned by the least movement,
+// until every face looks to the side that its vertices' rotations say. Where
+// that finds no room, the fold is smoothed as far as it takes, or until a
+// number of rounds is over. Faces elsewhere stay as they are, so a posture
+// without folds is left alone.
 class Unfolder {
  public:
   Unfolder(const std::vector<Quad>& quads,
@@ -29,6 +32,26 @@ class Unfolder {
   bool IsTurned(const std::vector<Eigen::Matrix3d>& rotation,
                 const std::vector<Eigen::Vector3d>& vertices,
                 int triangle) const;
+  // Where a triangle should look, not of unit length.
+  Eigen::Vector3d Expected(const std::vector<Eigen::Matrix3d>& rotation,
+                           int triangle) const;
+  // The watched triangles around some vertices that are turned over.
+  // `is_listed` is zero for all triangles, before and after.
+  void FindTurned(const std::vector<Eigen::Matrix3d>& rotation,
+                  const std::vector<Eigen::Vector3d>& vertices,
+                  const std::vector<int>& around,
+                  std::vector<char>* is_listed,
+                  std::vector<int>* turned) const;
+  // The steps; none moves anything without turned faces. `turned` is kept up
+  // to date. Smoothing moves no vertex by more than `most_moved`, metres.
+  void Smooth(const std::vector<Eigen::Matrix3d>& rotation,
+              int num_rounds,
+              double most_moved,
+              std::vector<int>* turned,
+              std::vector<Eigen::Vector3d>* vertices) const;
+  void TurnBack(const std::vector<Eigen::Matrix3d>& rotation,
+                std::vector<int>* turned,
+                std::vector<Eigen::Vector3d>* vertices) const;
 
   // Lists per vertex, one after the other: those of vertex v begin at
   // first[v].

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "model/body.h"
+#include "model/helper_joints.h"
 #include "model/joint_limits.h"
 #include "model/lbs.h"
 #include "model/mesh.h"
@@ -256,6 +257,60 @@ void CompareBakes(const BodyDeformer& deformer,
   }
 }
 
+// How closely skinning follows on postures of other seeds.
+void CompareSeeds(const Body& body,
+                  const BodyDeformer& deformer,
+                  const SkinWeights& skin) {
+  const JointLimits limits(body.skeleton);
+  const JointMotions motions(body, skin.helpers);
+  const Vertices& rest = deformer.rest_vertices();
+  const auto triangles = TriangulateQuads(body.topology.quads, rest);
+  constexpr int kPoses = 60;
+  constexpr double kFar = 0.020;  // metres
+  std::printf(
+      "\nLBS with helpers on %d random postures of each seed\n\n"
+      "| seed | rms, mm | max, mm | of %d vertices beyond 20 mm | faces of the "
+      "sweeps turned over |\n|---|---|---|---|---|\n",
+      kPoses,
+      kPoses * body.num_vertices());
+  for (const unsigned seed : {1u,
+                              2u,
+                              3u,
+                              4u,
+                              5u,
+                              6u,
+                              7u,
+                              8u,
+                              9u,
+                              10u,
+                              11u,
+                              12u,
+                              13u,
+                              14u,
+                              777u,
+                              20261u}) {
+    double sum = 0, max = 0;
+    int far_off = 0, turned = 0;
+    for (const Pose& pose : limits.RandomPoses(kPoses, seed)) {
+      const Vertices sweeps = deformer.Vertices(pose);
+      const Vertices skinned = SkinVertices(rest, skin, motions.At(pose));
+      turned += CountTurned(triangles, rest, deformer.Motions(pose), sweeps);
+      for (std::size_t v = 0; v < sweeps.size(); ++v) {
+        const double error = (skinned[v] - sweeps[v]).norm();
+        sum += error * error;
+        max = std::max(max, error);
+        far_off += error > kFar;
+      }
+    }
+    std::printf("| %u | %.1f | %.1f | %d | %d |\n",
+                seed,
+                1000 * std::sqrt(sum / (kPoses * body.num_vertices())),
+                1000 * max,
+                far_off,
+                turned);
+  }
+}
+
 void Run(const std::string& figure) {
   const Body body = BuildTemplate(TemplateOptions());
   const BodyDeformer deformer(body);
@@ -324,6 +379,7 @@ void Run(const std::string& figure) {
   CompareShapes(
       body, deformer, methods, "Random postures within the limits", random);
   CompareBakes(deformer, methods, random);
+  CompareSeeds(body, deformer, helped);
 
   double best = 1e9;
   for (const Pose& pose : random) {

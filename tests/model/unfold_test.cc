@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <numbers>
 
 namespace sweepfit {
@@ -61,6 +62,27 @@ TEST(Unfolder, TurnsFacesBack) {
   }
   EXPECT_EQ(posed.front(), before.front());
   EXPECT_EQ(posed.back(), before.back());
+}
+
+TEST(Unfolder, MovesLittleForASmallFold) {
+  std::vector<Quad> quads;
+  std::vector<Eigen::Vector3d> rest;
+  Sheet(&quads, &rest);
+  const Unfolder unfolder(quads, rest);
+  // One vertex is drawn over the next.
+  const int middle = 10 * (kSide + 1) + 10;
+  std::vector<Eigen::Vector3d> posed = rest;
+  posed[middle].x() += 0.011;
+  const std::vector<Eigen::Vector3d> before = posed;
+  const std::vector<Eigen::Matrix3d> rotation(rest.size(),
+                                              Eigen::Matrix3d::Identity());
+  EXPECT_EQ(unfolder.Apply(rotation, &posed), 0);
+  double largest = 0;
+  for (std::size_t v = 0; v < posed.size(); ++v) {
+    largest = std::max(largest, (posed[v] - before[v]).norm());
+  }
+  EXPECT_GT(largest, 0.0005);
+  EXPECT_LT(largest, 0.006);
 }
 
 }  // namespace
