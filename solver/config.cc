@@ -115,6 +115,7 @@ std::vector<Entry> Entries(FitOptions* o) {
       {"joints.weights.pose", &w.pose, "likely postures"},
       {"joints.weights.stature", &w.stature, "measured height"},
       {"joints.weights.silhouette", &w.silhouette, "limbs inside the pictures"},
+      {"joints.weights.photo", &w.photo, "limbs where the pictures match"},
       {"joints.template_sigma",
        &o->joints.template_sigma,
        "spread of ln(bone length / stature) around the template"},

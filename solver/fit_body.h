@@ -58,7 +58,10 @@ void FitGlobal(const std::vector<PoseEvidence>& evidence,
                StageSummary* summary);
 
 // Local fit (paper IV.B): the radius functions of all sweeps, alternating with
-// small corrections of the poses.
+// corrections of the poses. What the photographs match about the body counts
+// for the pose first and then for the radii: with few cameras nothing else
+// tells how far in front a limb or a shoulder is, and radii that made up for it
+// would bulge.
 void FitLocal(const std::vector<PoseEvidence>& evidence,
               const LocalOptions& options,
               const JointOptions& joint_options,

@@ -37,6 +37,7 @@ void FitGlobal(const std::vector<PoseEvidence>& evidence,
     const bool last = round + 1 == options.rounds;
     usable = SolvePerson(evidence,
                          outline,
+                         {},
                          joint_options,
                          &basis,
                          &girth,

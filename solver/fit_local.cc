@@ -32,8 +32,8 @@ constexpr double kRimReach = 20;  // pixels
 constexpr double kSoundRimError = 0.015;  // metres
 // The photographs are matched this far about the body, metres, in steps of so
 // many pixels.
-constexpr double kPhotoReach = 0.018;
-constexpr double kPhotoReachLast = 0.010;
+constexpr double kPhotoReach = 0.035;
+constexpr double kPhotoReachLast = 0.018;
 constexpr double kPhotoStep = 0.85;
 
 // The feature weight (paper IV.B) where a vertex sits.
@@ -342,6 +342,17 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
   } else {
     nlohmann::ordered_json report, person_report, sections;
     std::vector<std::vector<PhotoPoint>> photo(evidence.size());
+    const auto solve_pose = [&](nlohmann::ordered_json* pose_report) {
+      SolvePerson(evidence,
+                  {2 * options.sigma_rim, kRimReach, 3, 3},
+                  photo,
+                  joint_options,
+                  nullptr,
+                  nullptr,
+                  body,
+                  joints,
+                  pose_report);
+    };
     for (int round = 0; round < options.rounds; ++round) {
       const bool first = round == 0;
       // Outlines first: photographs are matched about what nearly fits.
@@ -352,6 +363,10 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
                                  *body,
                                  last ? kPhotoReachLast : kPhotoReach,
                                  kPhotoStep);
+        // What the turn of a limb explains, the radii shall not.
+        if (evidence.front().photo != nullptr) {
+          solve_pose(last ? &person_report : nullptr);
+        }
       }
       report = SolveRadii(evidence,
                           options,
@@ -360,17 +375,9 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
                           photo,
                           body,
                           last ? &sections : nullptr);
-      const int left = options.rounds - 1 - round;
-      if (left == 0) break;
       // With better radii the outline says more about the pose.
-      SolvePerson(evidence,
-                  {2 * options.sigma_rim, kRimReach, 3, 3},
-                  joint_options,
-                  nullptr,
-                  nullptr,
-                  body,
-                  joints,
-                  left == 1 ? &person_report : nullptr);
+      const int left = options.rounds - 1 - round;
+      if (left > 0) solve_pose(left == 1 ? &person_report : nullptr);
     }
     summary->figures["radii"] = report;
     summary->figures["pose"] = person_report;

@@ -137,7 +137,8 @@ std::optional<std::string> JointOptions::Check() const {
                          weights.anthropometric,
                          weights.pose,
                          weights.stature,
-                         weights.silhouette}) {
+                         weights.silhouette,
+                         weights.photo}) {
     if (!(w >= 0) || !std::isfinite(w)) {
       return "joints.weights must be finite and not negative";
     }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 namespace sweepfit {
@@ -85,7 +86,30 @@ std::optional<EdgeMidpoint> MeasureLimb(
       std::hypot(kEdgeSigma, kMidpointSigma * pixels_per_metre);
   result.observation.sigma_across_axis = 0;
   result.half_width = 0.5 * (plus + minus) / pixels_per_metre;
+  result.pixels_per_metre = pixels_per_metre;
   return result;
+}
+
+std::vector<PointObservation> AllowForNeighbours(
+    const std::vector<EdgeMidpoint>& edges) {
+  constexpr double kUsualAspect = 1.15;
+  double usual = std::numeric_limits<double>::infinity();
+  for (const EdgeMidpoint& edge : edges) {
+    usual = std::min(usual, kUsualAspect * edge.half_width);
+  }
+  const auto num_wider =
+      std::count_if(edges.begin(), edges.end(), [&](const EdgeMidpoint& edge) {
+        return edge.half_width > usual;
+      });
+  const double spread = std::sqrt(static_cast<double>(num_wider) / 3);
+  std::vector<PointObservation> observations;
+  for (const EdgeMidpoint& edge : edges) {
+    PointObservation& seen = observations.emplace_back(edge.observation);
+    const double slack = std::max(0.0, edge.half_width - usual);
+    seen.sigma_along_axis = std::hypot(seen.sigma_along_axis,
+                                       spread * slack * edge.pixels_per_metre);
+  }
+  return observations;
 }
 
 std::optional<PointObservation> MeasureTip(

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <vector>
 
 #include "capture/silhouette.h"
 #include "solver/landmark_triangulation.h"
@@ -23,6 +24,7 @@ double FindEdge(const View& view,
 struct EdgeMidpoint {
   PointObservation observation;  // known across the limb only
   double half_width = 0;         // metres at the limb's depth
+  double pixels_per_metre = 0;   // there
 };
 
 // Looks from the projection of a point on a limb perpendicularly to the limb's
@@ -35,6 +37,17 @@ std::optional<EdgeMidpoint> MeasureLimb(
     const Eigen::Vector3d& point_in_world,
     const Eigen::Vector3d& unit_limb_direction,
     double max_half_width);
+
+// The observations of one place of a limb in several views, with room for what
+// stands beside it. Limbs are about as deep as they are wide: where a view
+// shows one much wider than another view does, something else is part of it,
+// mostly the other leg, and the middle may lie anywhere within
+//   slack = half width - 1.15 * least half width
+// to either side of what was measured (variance slack^2 / 3). Opposite views
+// then show the same wrong middle, so n such views together know no more than
+// one of them: n slack^2 / 3 each.
+std::vector<PointObservation> AllowForNeighbours(
+    const std::vector<EdgeMidpoint>& edges);
 
 // An end of a limb as the volume shows it.
 struct TipPlace {

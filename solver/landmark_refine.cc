@@ -90,12 +90,13 @@ class Refiner {
 
 void Refiner::RefineLimb(const BodyTrace::LimbPlace& place,
                          Landmark3* landmark) {
-  std::vector<PointObservation> observations;
+  std::vector<EdgeMidpoint> edges;
   for (const View& view : views_) {
     const auto edge = MeasureLimb(
         view, place.point_in_world, place.direction, place.max_half_width);
-    if (edge) observations.push_back(edge->observation);
+    if (edge) edges.push_back(*edge);
   }
+  const std::vector<PointObservation> observations = AllowForNeighbours(edges);
   // The section's centroid came from the same silhouettes: across the limb it
   // only holds what the views leave open.
   constexpr double kPriorAcross = 0.03;
@@ -103,9 +104,9 @@ void Refiner::RefineLimb(const BodyTrace::LimbPlace& place,
   constexpr double kAnatomySigma = 0.005;
   const double along =
       std::sqrt(place.direction.dot(landmark->covariance * place.direction));
-  const PointPrior prior{place.point_in_world,
-                         AlongAcross(place.direction, along, kPriorAcross) +
-                             place.slack};
+  const PointPrior prior{
+      place.point_in_world,
+      AlongAcross(place.direction, along, kPriorAcross) + place.slack};
   const auto found = TriangulatePoint(observations, prior);
   if (!found) return;
   const Vector3d joint_from_place =

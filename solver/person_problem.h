@@ -34,10 +34,11 @@ enum class Family {
   kStature,
   kPose,
   kSilhouette,
+  kPhoto,
   kHull,
   kGirth
 };
-inline constexpr int kNumFamilies = 8;
+inline constexpr int kNumFamilies = 9;
 inline constexpr std::array<const char*, kNumFamilies> kFamilyNames = {
     "landmark",
     "template",
@@ -45,6 +46,7 @@ inline constexpr std::array<const char*, kNumFamilies> kFamilyNames = {
     "stature",
     "pose",
     "silhouette",
+    "photo",
     "hull",
     "girth"};
 

@@ -8,6 +8,7 @@
 #include "residuals/contour_match.h"
 #include "residuals/hull_distance.h"
 #include "residuals/silhouette_rim.h"
+#include "residuals/surface_point.h"
 #include "solver/person_problem.h"
 
 namespace sweepfit {
@@ -20,7 +21,8 @@ constexpr int kHullStride = 13;
 void AddSurface(const PoseEvidence& evidence,
                 int pose,
                 const OutlineFit& outline,
-                double weight,
+                const std::vector<PhotoPoint>* photo,
+                const JointOptions::Weights& weights,
                 const Body& body,
                 const JointEstimate& estimate,
                 const GirthBasis* basis,
@@ -60,7 +62,7 @@ void AddSurface(const PoseEvidence& evidence,
         pose,
         SilhouetteRim(&view.camera, &view.signed_distance, outline.sigma),
         carry(rim.vertex),
-        weight * std::min(1.0, rim_stride * rim.weight),
+        weights.silhouette * std::min(1.0, rim_stride * rim.weight),
         new ceres::HuberLoss(2));
   }
   for (size_t i = 0; i < rims.contour.size(); i += stride) {
@@ -74,8 +76,22 @@ void AddSurface(const PoseEvidence& evidence,
                                    pair.depth,
                                    outline.sigma),
                       carry(pair.vertex),
-                      weight * std::min(1.0, stride * pair.weight),
+                      weights.silhouette * std::min(1.0, stride * pair.weight),
                       new ceres::TukeyLoss(6));
+  }
+  if (photo != nullptr) {
+    for (size_t i = 0; i < photo->size(); i += stride) {
+      const PhotoPoint& seen = (*photo)[i];
+      problem->AddPoint(
+          Family::kPhoto,
+          pose,
+          SurfacePoint(seen.point_in_world,
+                       seen.unit_normal,
+                       std::max(outline.sigma, seen.sigma)),
+          carry(seen.vertex),
+          weights.photo * stride * evidence.photo->options().weight,
+          new ceres::HuberLoss(2));
+    }
   }
   HullDistance::Options hull;
   hull.margin = 0.5 * evidence.volume->voxel_size();
@@ -86,7 +102,7 @@ void AddSurface(const PoseEvidence& evidence,
                       pose,
                       HullDistance(evidence.volume, hull),
                       carry(static_cast<int>(v)),
-                      0.5 * weight,
+                      0.5 * weights.silhouette,
                       new ceres::HuberLoss(2));
   }
 }
@@ -95,6 +111,7 @@ void AddSurface(const PoseEvidence& evidence,
 
 bool SolvePerson(const std::vector<PoseEvidence>& evidence,
                  const OutlineFit& outline,
+                 const std::vector<std::vector<PhotoPoint>>& photo,
                  const JointOptions& options,
                  const GirthBasis* basis,
                  std::vector<double>* girth,
@@ -131,7 +148,8 @@ bool SolvePerson(const std::vector<PoseEvidence>& evidence,
     AddSurface(evidence[p],
                static_cast<int>(p),
                outline,
-               weights.silhouette,
+               photo.empty() ? nullptr : &photo[p],
+               weights,
                *body,
                joints->poses[p],
                basis,

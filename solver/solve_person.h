@@ -19,11 +19,14 @@ struct OutlineFit {
 
 // One solve of poses, lengths and girths of a person with all residual
 // families: finds the rims of the body as it stands, assembles the problem and
-// solves it. `basis` null: girths stay. Updates body (lengths, girths), joints
-// and girth; the joints' covariances stay. False when no usable solution was
-// found. `report` may be null; filling it costs.
+// solves it. `photo`: per pose where the photographs see vertices of the body;
+// may be empty. Unlike outlines they tell the depth of a limb in front of the
+// trunk, which few cameras see beside it. `basis` null: girths stay. Updates
+// body (lengths, girths), joints and girth; the joints' covariances stay. False
+// when no usable solution was found. `report` may be null; filling it costs.
 bool SolvePerson(const std::vector<PoseEvidence>& evidence,
                  const OutlineFit& outline,
+                 const std::vector<std::vector<PhotoPoint>>& photo,
                  const JointOptions& options,
                  const GirthBasis* basis,
                  std::vector<double>* girth,
