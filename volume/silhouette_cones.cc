@@ -42,21 +42,20 @@ SilhouetteCone::SilhouetteCone(const View& view)
       focal_length_(view.camera.FocalLength()),
       signed_distance_(view.signed_distance) {}
 
-template <typename Scalar>
-Scalar SilhouetteCone::Distance(Scalar u, Scalar v) const {
+double SilhouetteCone::Distance(double u, double v) const {
   const int width = signed_distance_.cols;
   const int height = signed_distance_.rows;
-  u = std::clamp(u, Scalar(0), static_cast<Scalar>(width - 1));
-  v = std::clamp(v, Scalar(0), static_cast<Scalar>(height - 1));
+  u = std::clamp(u, 0.0, width - 1.0);
+  v = std::clamp(v, 0.0, height - 1.0);
   const int u0 = std::clamp(static_cast<int>(u), 0, std::max(0, width - 2));
   const int v0 = std::clamp(static_cast<int>(v), 0, std::max(0, height - 2));
   const int u1 = std::min(u0 + 1, width - 1);
   const float* top = signed_distance_[v0];
   const float* bottom = signed_distance_[std::min(v0 + 1, height - 1)];
-  const Scalar fu = u - u0;
-  const Scalar fv = v - v0;
-  const Scalar a = top[u0] + fu * (top[u1] - top[u0]);
-  const Scalar b = bottom[u0] + fu * (bottom[u1] - bottom[u0]);
+  const double fu = u - u0;
+  const double fv = v - v0;
+  const double a = top[u0] + fu * (top[u1] - top[u0]);
+  const double b = bottom[u0] + fu * (bottom[u1] - bottom[u0]);
   return a + fv * (b - a);
 }
 
@@ -80,35 +79,31 @@ void SilhouetteCone::RaiseBlock(const Eigen::Vector3d& first_in_world,
                                 float limit,
                                 BlockField* field) const {
   constexpr int kSide = BlockGrid::kSide;
-  // Single precision places a pixel to a ten thousandth.
-  const Eigen::Vector3f first =
-      (pixel_from_world_ * first_in_world + world_in_pixel_).cast<float>();
-  const Eigen::Matrix3f step = (voxel_size * pixel_from_world_).cast<float>();
-  const float right = static_cast<float>(signed_distance_.cols) - 0.5f;
-  const float bottom = static_cast<float>(signed_distance_.rows) - 0.5f;
-  const auto metres = static_cast<float>(1 / focal_length_);
+  const Eigen::Vector3d first =
+      pixel_from_world_ * first_in_world + world_in_pixel_;
+  const Eigen::Matrix3d step = voxel_size * pixel_from_world_;
+  const double right = signed_distance_.cols - 0.5;
+  const double bottom = signed_distance_.rows - 0.5;
   for (int row = 0; row < kSide * kSide; ++row) {
-    const Eigen::Vector3f start =
-        first + static_cast<float>(row / kSide) * step.col(0) +
-        static_cast<float>(row % kSide) * step.col(1);
-    // Apart from the look-ups, so that the compiler can do four at once.
-    std::array<float, kSide> u, v, depth;
+    const Eigen::Vector3d start =
+        first + row / kSide * step.col(0) + row % kSide * step.col(1);
+    // Apart from the look-ups, so that the compiler can do several at once.
+    std::array<double, kSide> u, v, depth;
     for (int k = 0; k < kSide; ++k) {
-      const auto along = static_cast<float>(k);
-      depth[k] = start.z() + along * step(2, 2);
-      u[k] = (start.x() + along * step(0, 2)) / depth[k];
-      v[k] = (start.y() + along * step(1, 2)) / depth[k];
+      depth[k] = start.z() + k * step(2, 2);
+      u[k] = (start.x() + k * step(0, 2)) / depth[k];
+      v[k] = (start.y() + k * step(1, 2)) / depth[k];
     }
     for (int k = 0; k < kSide; ++k) {
       const int voxel = kSide * row + k;
       float& value = field->values[voxel];
       if (value >= limit || !(depth[k] > 0) ||
-          !(u[k] >= -0.5f && v[k] >= -0.5f && u[k] <= right &&
-            v[k] <= bottom)) {
+          !(u[k] >= -0.5 && v[k] >= -0.5 && u[k] <= right && v[k] <= bottom)) {
         continue;
       }
       ++field->num_views[voxel];
-      value = std::max(value, Distance(u[k], v[k]) * depth[k] * metres);
+      const double phi = Distance(u[k], v[k]) * depth[k] / focal_length_;
+      value = std::max(value, static_cast<float>(phi));
     }
   }
 }

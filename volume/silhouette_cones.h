@@ -49,8 +49,7 @@ class SilhouetteCone {
   const Eigen::Vector3d& axis_in_world() const { return axis_in_world_; }
 
  private:
-  template <typename Scalar>
-  Scalar Distance(Scalar u, Scalar v) const;
+  double Distance(double u, double v) const;
 
   Eigen::Matrix3d pixel_from_world_;  // K R
   Eigen::Vector3d world_in_pixel_;    // K t
