@@ -3,6 +3,7 @@
 // The command `sweepfit`. Exit status: 0 done, 1 the fit failed, 2 bad usage or
 // bad input.
 #include <glog/logging.h>
+#include <malloc.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -37,6 +38,17 @@ void UseOneOpenMpThread(char** argv) {
   setenv("OMP_NUM_THREADS", "1", 1);
   execv("/proc/self/exe", argv);
   // Without /proc the run goes on; only repeatability is at stake.
+}
+
+// Pictures and matrices of megabytes come and go all the time. Given back to the
+// system and asked for again they cost a second of page faults a fit.
+void KeepFreedMemory() {
+#ifdef __GLIBC__
+  constexpr int kOneGigabyte = 1 << 30;
+  mallopt(M_MMAP_THRESHOLD, kOneGigabyte);
+  mallopt(M_TRIM_THRESHOLD, kOneGigabyte);
+  mallopt(M_TOP_PAD, 64 << 20);
+#endif
 }
 
 void SilenceLibraries(const char* program) {
@@ -103,6 +115,7 @@ int Run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   sweepfit::UseOneOpenMpThread(argv);
+  sweepfit::KeepFreedMemory();
   sweepfit::SilenceLibraries(argv[0]);
   return sweepfit::Run(argc, argv);
 }
