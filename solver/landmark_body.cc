@@ -18,6 +18,8 @@ namespace {
 // Offsets and proportions below are fractions of the body's height H.
 
 constexpr double kMinHeadThickness = 0.03;
+// Half the breadth of a narrow head (5th percentile of women, ANSUR II).
+constexpr double kSurelyHeadThickness = 0.038;
 constexpr double kMaxFootHeight = 0.3;
 // A wrist lies between these, from the finger tips.
 constexpr double kFirstWrist = 0.085;
@@ -880,9 +882,16 @@ BodyEnds NameExtrema(const std::vector<Extremum>& extrema,
     ends.feet.push_back(rest.front());
     rest.erase(rest.begin());
   }
+  // The highest of the ends that are as thick as a head: a hand that merges
+  // with the hip may be thicker than that.
+  const auto as_head = [&](const Extremum& end) {
+    return std::pair(
+        std::min<double>(end.thickness, kSurelyHeadThickness * body_height),
+        end.point_in_world.y());
+  };
   const auto thickest = std::max_element(
-      rest.begin(), rest.end(), [](const auto& a, const auto& b) {
-        return a.thickness < b.thickness;
+      rest.begin(), rest.end(), [&](const auto& a, const auto& b) {
+        return as_head(a) < as_head(b);
       });
   if (thickest != rest.end() &&
       thickest->thickness > kMinHeadThickness * body_height) {

@@ -12,6 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "solver/landmark_body.h"
+#include "solver/landmark_body.h"
 #include "tests/volume/capsule_person.h"
 
 namespace sweepfit {
@@ -295,6 +297,38 @@ TEST(LandmarksTest, ReportsASkirt) {
   EXPECT_LT(
       (result.Find("l_ankle")->point_in_world - person.joint[kLAnkle]).norm(),
       0.04);
+}
+
+// An end of a body of 1.7 m.
+Extremum End(const Eigen::Vector3d& point_in_world, double thickness) {
+  Extremum end;
+  end.point_in_world = point_in_world;
+  end.thickness = thickness;
+  end.prominence = 0.5;
+  return end;
+}
+
+TEST(NameExtremaTest, AHandThatMergesWithTheHipIsNoHead) {
+  const std::vector<Extremum> extrema = {End({0.1, 0.02, 0}, 0.04),
+                                         End({-0.1, 0.02, 0}, 0.04),
+                                         End({0.25, 0.7, 0}, 0.11),
+                                         End({0, 1.68, 0}, 0.08),
+                                         End({-0.5, 0.9, 0}, 0.02)};
+  const BodyEnds ends = NameExtrema(extrema, 1.7, 0);
+  ASSERT_TRUE(ends.head);
+  EXPECT_EQ(ends.head->point_in_world.y(), 1.68);
+  EXPECT_EQ(ends.hands.size(), 2u);
+}
+
+TEST(NameExtremaTest, ARaisedHandIsNoHead) {
+  const std::vector<Extremum> extrema = {End({0.1, 0.02, 0}, 0.04),
+                                         End({-0.1, 0.02, 0}, 0.04),
+                                         End({0.25, 2.1, 0}, 0.025),
+                                         End({0, 1.68, 0}, 0.062),
+                                         End({-0.5, 0.9, 0}, 0.02)};
+  const BodyEnds ends = NameExtrema(extrema, 1.7, 0);
+  ASSERT_TRUE(ends.head);
+  EXPECT_EQ(ends.head->point_in_world.y(), 1.68);
 }
 
 TEST(LandmarksTest, SameTwice) {
