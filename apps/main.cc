@@ -40,8 +40,8 @@ void UseOneOpenMpThread(char** argv) {
   // Without /proc the run goes on; only repeatability is at stake.
 }
 
-// Pictures and matrices of megabytes come and go all the time. Given back to the
-// system and asked for again they cost a second of page faults a fit.
+// Pictures and matrices of megabytes come and go all the time. Given back to
+// the system and asked for again they cost a second of page faults a fit.
 void KeepFreedMemory() {
 #ifdef __GLIBC__
   constexpr int kOneGigabyte = 1 << 30;

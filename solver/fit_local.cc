@@ -30,6 +30,7 @@ constexpr int kHullStride = 5;
 constexpr double kRimReach = 20;  // pixels
 // Outlines this far off on average mean a wrong posture, not a rough surface.
 constexpr double kSoundRimError = 0.015;  // metres
+
 // The photographs are matched this far about the body, metres, in steps of so
 // many pixels.
 constexpr double kPhotoReach = 0.035;

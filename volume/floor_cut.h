@@ -13,8 +13,7 @@ namespace sweepfit {
 //
 // Only where the wedge is several times as deep as the floor is uncertain,
 // because the plane (FindFloor) may take that much of a sole that no view sees.
-// `depth` (metres, may be null): of
-// what was taken off, 0 when nothing was.
+// `depth` (metres, may be null): of what was taken off, 0 when nothing was.
 Volume CutBelowFloor(const std::vector<View>& views,
                      Volume hull,
                      double* depth);

@@ -13,7 +13,6 @@
 #include <vector>
 
 #include "solver/landmark_body.h"
-#include "solver/landmark_body.h"
 #include "tests/volume/capsule_person.h"
 
 namespace sweepfit {
