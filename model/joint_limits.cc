@@ -63,6 +63,19 @@ AngleRange Range(const std::string& source,
   return {ends[0] * kDegree, ends[1] * kDegree};
 }
 
+double Share(const std::string& source,
+             const YAML::Node& map,
+             const std::string& key) {
+  const YAML::Node node = map[key];
+  if (!node) Fail(source, map, "the key " + key + " is missing");
+  double share = -1;
+  if (!YAML::convert<double>::decode(node, share) ||
+      !(share >= 0 && share <= 1)) {
+    Fail(source, node, key + " needs a share within 0 and 1");
+  }
+  return share;
+}
+
 void CheckKeys(const std::string& source,
                const YAML::Node& map,
                const std::set<std::string>& known,
@@ -111,7 +124,6 @@ double Cut(double value, const AngleRange& range) {
   return std::clamp(value, range.low, range.high);
 }
 
-// Lift and draw of a collar: components of its rotation vector.
 Vector3d Log(const Quaterniond& q) {
   const Eigen::AngleAxisd turn(q.w() < 0 ? Quaterniond(-q.coeffs()) : q);
   return turn.angle() * turn.axis();
@@ -139,7 +151,7 @@ void JointLimits::Read(const Skeleton& skeleton,
   } catch (const YAML::Exception& error) {
     throw InputError(source + ": " + error.what());
   }
-  CheckKeys(source, root, {"joints", "collar"}, "the table");
+  CheckKeys(source, root, {"joints", "collar", "legs"}, "the table");
   const YAML::Node joints = root["joints"];
   if (!joints || !joints.IsMap()) Fail(source, root, "joints must be a map");
   for (const auto& entry : joints) {
@@ -205,6 +217,12 @@ void JointLimits::Read(const Skeleton& skeleton,
     lift_axis_[side] = bone.cross(Vector3d::UnitY()).normalized();
     draw_axis_[side] = bone.cross(Vector3d::UnitZ()).normalized();
   }
+  const YAML::Node legs = root["legs"];
+  CheckKeys(source, legs, {"knee", "foot"}, "legs");
+  legs_.emplace(
+      skeleton, Share(source, legs, "knee"), Share(source, legs, "foot"));
+  // A person whose legs are closer at rest stands like that.
+  least_gap_ = std::min(0.0, legs_->Gap(Pose()));
 }
 
 // rotation zero_from_rest^-1 carries the zero direction to the bone's posed
@@ -235,6 +253,17 @@ Quaterniond JointLimits::Rotation(int joint, const SwingTwist& angles) const {
 
 Quaterniond JointLimits::Collar(int side, double lift, double draw) const {
   return Exp(lift * lift_axis_[side] + draw * draw_axis_[side]);
+}
+
+std::array<double, 2> JointLimits::MeasureCollar(
+    int side, const Quaterniond& rotation) const {
+  const Vector3d turn = Log(rotation);
+  const double across = lift_axis_[side].dot(draw_axis_[side]);
+  const double along_lift = turn.dot(lift_axis_[side]);
+  const double along_draw = turn.dot(draw_axis_[side]);
+  const double scale = 1 - across * across;
+  return {(along_lift - across * along_draw) / scale,
+          (along_draw - across * along_lift) / scale};
 }
 
 SwingTwist JointLimits::Clamp(int joint, const SwingTwist& angles) const {
@@ -269,13 +298,58 @@ Pose JointLimits::Clamp(const Pose& pose) const {
         Rotation(joint, Clamp(joint, Measure(joint, pose.rotation[joint])));
   }
   for (int side = 0; side < 2; ++side) {
-    const Vector3d turn = Log(pose.collar[side]);
+    const auto [lift, draw] = MeasureCollar(side, pose.collar[side]);
     clamped.collar[side] =
-        Collar(side,
-               Cut(turn.dot(lift_axis_[side]), collar_lift_),
-               Cut(turn.dot(draw_axis_[side]), collar_draw_));
+        Collar(side, Cut(lift, collar_lift_), Cut(draw, collar_draw_));
   }
-  return clamped;
+  return PartLegs(clamped);
+}
+
+Pose JointLimits::PartLegs(const Pose& pose) const {
+  // Rounding must not count as contact.
+  constexpr double kTouch = 1e-9;  // metres
+  const auto is_parted = [this](const Pose& p) {
+    return legs_->Gap(p) >= least_gap_ - kTouch;
+  };
+  if (is_parted(pose)) return pose;
+  // From 2, the posture, to 1 adductions vanish, from 1 to 0 turns of the hips
+  // and what knees bend sideways.
+  const auto reduced = [&](double keep) {
+    const double adduction = std::clamp(keep - 1, 0.0, 1.0);
+    const double turn = std::min(keep, 1.0);
+    Pose result = pose;
+    for (const int hip : {kLHip, kRHip}) {
+      if (limits_[hip]) {
+        SwingTwist angles = Measure(hip, pose.rotation[hip]);
+        if (angles.side < 0) angles.side *= adduction;
+        angles.twist *= turn;
+        result.rotation[hip] = Rotation(hip, angles);
+      }
+      const int knee = hip + 1;
+      if (limits_[knee] && turn < 1) {
+        SwingTwist angles = Measure(knee, pose.rotation[knee]);
+        angles.side *= turn;
+        result.rotation[knee] = Rotation(knee, angles);
+      }
+    }
+    return result;
+  };
+  // The way may part the legs more than once: the first time counts.
+  constexpr int kSteps = 32, kHalvings = 36;
+  double overlapping = 2, parted = 0;
+  for (int i = kSteps - 1; i > 0; --i) {
+    const double keep = 2.0 * i / kSteps;
+    if (is_parted(reduced(keep))) {
+      parted = keep;
+      break;
+    }
+    overlapping = keep;
+  }
+  for (int i = 0; i < kHalvings; ++i) {
+    const double middle = (parted + overlapping) / 2;
+    (is_parted(reduced(middle)) ? parted : overlapping) = middle;
+  }
+  return reduced(parted);
 }
 
 std::vector<LimitViolation> JointLimits::Violations(const Pose& pose,
@@ -284,10 +358,12 @@ std::vector<LimitViolation> JointLimits::Violations(const Pose& pose,
   const auto add = [&](int joint, const char* angle, double excess) {
     if (excess > tolerance) violations.push_back({joint, angle, excess});
   };
+  Pose clamped = pose;
   for (int joint = 0; joint < kNumJoints; ++joint) {
     if (!limits_[joint]) continue;
     const SwingTwist angles = Measure(joint, pose.rotation[joint]);
     const SwingTwist inside = Clamp(joint, angles);
+    clamped.rotation[joint] = Rotation(joint, inside);
     add(joint,
         "swing",
         std::hypot(angles.bend - inside.bend, angles.side - inside.side));
@@ -295,9 +371,15 @@ std::vector<LimitViolation> JointLimits::Violations(const Pose& pose,
   }
   for (int side = 0; side < 2; ++side) {
     const int joint = side == 0 ? kLShoulder : kRShoulder;
-    const Vector3d turn = Log(pose.collar[side]);
-    add(joint, "collar lift", Excess(turn.dot(lift_axis_[side]), collar_lift_));
-    add(joint, "collar draw", Excess(turn.dot(draw_axis_[side]), collar_draw_));
+    const auto [lift, draw] = MeasureCollar(side, pose.collar[side]);
+    add(joint, "collar lift", Excess(lift, collar_lift_));
+    add(joint, "collar draw", Excess(draw, collar_draw_));
+  }
+  const Pose parted = PartLegs(clamped);
+  for (const int joint : {kLHip, kLKnee, kRHip, kRKnee}) {
+    add(joint,
+        "leg against leg",
+        clamped.rotation[joint].angularDistance(parted.rotation[joint]));
   }
   return violations;
 }
@@ -327,6 +409,7 @@ std::vector<Pose> JointLimits::RandomPoses(int num, unsigned seed) const {
       const double draw = within(collar_draw_);
       pose.collar[side] = Collar(side, lift, draw);
     }
+    pose = PartLegs(pose);
   }
   return poses;
 }
@@ -339,7 +422,13 @@ std::vector<Pose> JointLimits::LimitPoses() const {
     const auto add = [&](double bend, double side, double twist) {
       Pose pose;
       pose.rotation[joint] = Rotation(joint, {bend, side, twist});
-      poses.push_back(pose);
+      poses.push_back(PartLegs(pose));
+      if (joint != kLHip ||
+          poses.back().rotation[joint].isApprox(pose.rotation[joint])) {
+        return;
+      }
+      pose.rotation[kRHip] = Rotation(kRHip, {0, limit.side.high, 0});
+      poses.push_back(PartLegs(pose));
     };
     const double diagonal = std::numbers::sqrt2 / 2;
     for (const double bend : {limit.bend.low, limit.bend.high}) {

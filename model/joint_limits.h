@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "model/leg_contact.h"
 #include "model/skeleton.h"
 
 namespace sweepfit {
@@ -43,7 +44,9 @@ struct JointLimit {
 // Which limit a posture leaves, and by how much.
 struct LimitViolation {
   int joint = -1;
-  std::string angle;  // "swing", "twist", "collar lift", "collar draw"
+  // "swing", "twist", "collar lift", "collar draw"; "leg against leg" for hips
+  // and knees that would take one leg through the other
+  std::string angle;
   double excess = 0;  // radians beyond the limit
 };
 
@@ -74,29 +77,45 @@ class JointLimits {
   // The nearest angles within the limits: the swing shortened to the ellipse,
   // the twist cut.
   SwingTwist Clamp(int joint, const SwingTwist& angles) const;
-  // The posture with every joint and collar clamped.
+  // The posture with every joint and collar clamped. What then takes one leg
+  // through the other is reduced: the adductions of both hips by the least
+  // common share that parts the legs; where that is not enough, hips also turn
+  // less and knees bend less sideways. The rest pose is left as it is.
   Pose Clamp(const Pose& pose) const;
   // What of a posture is beyond the limits by more than `tolerance` radians.
   std::vector<LimitViolation> Violations(const Pose& pose,
                                          double tolerance) const;
 
   // `num` postures within the limits: swing uniform over the ellipse, twist and
-  // collars over their ranges. Root at the origin. Deterministic for a seed on
-  // every platform.
+  // collars over their ranges, then legs parted as by Clamp. Root at the
+  // origin. Deterministic for a seed on every platform.
   std::vector<Pose> RandomPoses(int num, unsigned seed) const;
   // Postures at the limits, one joint at a time: the ends of bend, side and
   // twist, the ellipse's diagonals, and bend ends with twist ends; left joints
-  // and the axis only, since right ones mirror them.
+  // and the axis only, since right ones mirror them. Where the other leg stands
+  // in the way of a hip there are two: the hip as far as the other leg lets it,
+  // and at its limit while the other leg is out of the way, at the limit of its
+  // abduction.
   std::vector<Pose> LimitPoses() const;
 
  private:
+  // Lift and draw of a collar rotation. The axes of the two are not quite at
+  // right angles.
+  std::array<double, 2> MeasureCollar(int side,
+                                      const Eigen::Quaterniond& rotation) const;
+
   void Read(const Skeleton& skeleton,
             const std::string& text,
             const std::string& source);
+  // The posture, within the limits of its joints, with legs that do not go
+  // through each other.
+  Pose PartLegs(const Pose& pose) const;
 
   std::array<std::optional<JointLimit>, kNumJoints> limits_;
   AngleRange collar_lift_, collar_draw_;
   std::array<Eigen::Vector3d, 2> lift_axis_, draw_axis_;
+  std::optional<LegContact> legs_;
+  double least_gap_ = 0;  // that the legs keep, metres
 };
 
 }  // namespace sweepfit

@@ -12,6 +12,7 @@
 #include "model/joint_limits.h"
 #include "model/lbs.h"
 #include "model/mesh.h"
+#include "model/self_intersection.h"
 #include "model/template.h"
 
 namespace sweepfit {
@@ -60,6 +61,23 @@ TEST(BodyDeformer, NoFaceTurnsOverAtTheJointLimits) {
   EXPECT_GT(poses.size(), 100u);
   for (std::size_t p = 0; p < poses.size(); ++p) {
     EXPECT_EQ(CountTurned(poses[p]), 0) << "posture " << p;
+  }
+}
+
+TEST(BodyDeformer, CutsItselfNoMoreThanSkinningAtTheJointLimits) {
+  const SkinWeights plain =
+      FitSkinWeights(Person(), kSkinPoses, kSkinSeed, false).weights;
+  const std::vector<Triangle> triangles =
+      TriangulateQuads(Person().topology.quads, Deformer().rest_vertices());
+  const std::vector<Pose> poses = JointLimits(Person().skeleton).LimitPoses();
+  for (std::size_t p = 0; p < poses.size(); ++p) {
+    const std::size_t sweeps =
+        SelfIntersections({Deformer().Vertices(poses[p]), triangles}).size();
+    const std::size_t skinning =
+        SelfIntersections(
+            {PoseVerticesLbs(Person(), plain, poses[p]), triangles})
+            .size();
+    EXPECT_LE(sweeps, skinning) << "posture " << p;
   }
 }
 

@@ -23,6 +23,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using ::testing::Contains;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 constexpr double kDegree = std::numbers::pi / 180;
 
@@ -329,6 +330,26 @@ TEST_F(RetargetTest, LimitsHoldAndAreTold) {
   free.limit_joints = false;
   const RetargetResult beyond = Run(rig.motion(), free);
   EXPECT_THAT(beyond.notes, Contains(HasSubstr("head: twist leaves")));
+}
+
+TEST_F(RetargetTest, LegsDoNotGoThroughEachOther) {
+  const JointLimits limits(body_->skeleton);
+  WalkingRig rig;
+  rig.Walk(2);
+  const auto crosses = HasSubstr("leg against leg");
+  EXPECT_THAT(Run(rig.motion(), {}).notes, Not(Contains(crosses)));
+  // The left leg swings through the right one.
+  BvhMotion& motion = rig.motion();
+  const int hip = motion.joints[motion.Find("LeftUpLeg")].first_channel;
+  for (int t = 0; t < motion.num_frames(); ++t) motion.values(t, hip) = -20;
+  const RetargetResult result = Run(motion, {});
+  EXPECT_THAT(result.notes,
+              Contains(HasSubstr("l_hip: leg against leg held at its limit")));
+  for (const Pose& pose : result.poses) {
+    EXPECT_TRUE(limits.Violations(pose, 1e-6).empty());
+  }
+  EXPECT_THAT(Run(motion, Plain()).notes,
+              Contains(HasSubstr("l_hip: leg against leg leaves its limit")));
 }
 
 TEST_F(RetargetTest, ElbowsBendAboutTheirHinge) {
