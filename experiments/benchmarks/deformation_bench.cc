@@ -257,10 +257,12 @@ void CompareBakes(const BodyDeformer& deformer,
   }
 }
 
-// How closely skinning follows on postures of other seeds.
+// How closely skinning with helpers follows on postures of other seeds, and in
+// how many the sweeps cut themselves more than `plain` skinning.
 void CompareSeeds(const Body& body,
                   const BodyDeformer& deformer,
-                  const SkinWeights& skin) {
+                  const SkinWeights& skin,
+                  const SkinWeights& plain) {
   const JointLimits limits(body.skeleton);
   const JointMotions motions(body, skin.helpers);
   const Vertices& rest = deformer.rest_vertices();
@@ -270,7 +272,8 @@ void CompareSeeds(const Body& body,
   std::printf(
       "\nLBS with helpers on %d random postures of each seed\n\n"
       "| seed | rms, mm | max, mm | of %d vertices beyond 20 mm | faces of the "
-      "sweeps turned over |\n|---|---|---|---|---|\n",
+      "sweeps turned over | postures worse than LBS |\n"
+      "|---|---|---|---|---|---|\n",
       kPoses,
       kPoses * body.num_vertices());
   for (const unsigned seed : {1u,
@@ -290,11 +293,15 @@ void CompareSeeds(const Body& body,
                               777u,
                               20261u}) {
     double sum = 0, max = 0;
-    int far_off = 0, turned = 0;
+    int far_off = 0, turned = 0, worse = 0;
     for (const Pose& pose : limits.RandomPoses(kPoses, seed)) {
       const Vertices sweeps = deformer.Vertices(pose);
       const Vertices skinned = SkinVertices(rest, skin, motions.At(pose));
       turned += CountTurned(triangles, rest, deformer.Motions(pose), sweeps);
+      worse +=
+          SelfIntersections({sweeps, triangles}).size() >
+          SelfIntersections({PoseVerticesLbs(body, plain, pose), triangles})
+              .size();
       for (std::size_t v = 0; v < sweeps.size(); ++v) {
         const double error = (skinned[v] - sweeps[v]).norm();
         sum += error * error;
@@ -302,12 +309,13 @@ void CompareSeeds(const Body& body,
         far_off += error > kFar;
       }
     }
-    std::printf("| %u | %.1f | %.1f | %d | %d |\n",
+    std::printf("| %u | %.1f | %.1f | %d | %d | %d |\n",
                 seed,
                 1000 * std::sqrt(sum / (kPoses * body.num_vertices())),
                 1000 * max,
                 far_off,
-                turned);
+                turned,
+                worse);
   }
 }
 
@@ -379,7 +387,7 @@ void Run(const std::string& figure) {
   CompareShapes(
       body, deformer, methods, "Random postures within the limits", random);
   CompareBakes(deformer, methods, random);
-  CompareSeeds(body, deformer, helped);
+  CompareSeeds(body, deformer, helped, plain);
 
   double best = 1e9;
   for (const Pose& pose : random) {
