@@ -103,14 +103,15 @@ void AddPoint(RadiusFamily family,
       point.blocks);
 }
 
-void AddEvidence(const PoseEvidence& evidence,
-                 const LocalOptions& options,
-                 double sigma_rim,
-                 const Body& body,
-                 const Pose& pose,
-                 const std::vector<RestDerivative>& rest_derivatives,
-                 const std::vector<PhotoPoint>& photo,
-                 RadiusProblem* problem) {
+// Returns the mean rim error of the body as it stands, metres.
+double AddEvidence(const PoseEvidence& evidence,
+                   const LocalOptions& options,
+                   double sigma_rim,
+                   const Body& body,
+                   const Pose& pose,
+                   const std::vector<RestDerivative>& rest_derivatives,
+                   const std::vector<PhotoPoint>& photo,
+                   RadiusProblem* problem) {
   const PosedBody posed = PoseForFit(body, pose);
   const std::vector<View>& views = *evidence.views;
   const RimEvidence rims = GatherRimEvidence(
@@ -180,6 +181,7 @@ void AddEvidence(const PoseEvidence& evidence,
              new ceres::HuberLoss(2),
              problem);
   }
+  return MeanRimError(rims, views);
 }
 
 // Column of the mirrored sweep that lies opposite to each column. Reference
@@ -250,18 +252,21 @@ nlohmann::ordered_json SolveRadii(
     nlohmann::ordered_json* sections) {
   RadiusProblem problem(*body);
   const std::vector<RestDerivative> rest_derivatives = RestByLogRatio(*body);
+  double rim_error = 0;
   for (size_t p = 0; p < evidence.size(); ++p) {
-    AddEvidence(evidence[p],
-                options,
-                sigma_rim,
-                *body,
-                joints.poses[p].pose,
-                rest_derivatives,
-                photo[p],
-                &problem);
+    rim_error += AddEvidence(evidence[p],
+                             options,
+                             sigma_rim,
+                             *body,
+                             joints.poses[p].pose,
+                             rest_derivatives,
+                             photo[p],
+                             &problem) /
+                 static_cast<double>(evidence.size());
   }
   AddRegularisation(*body, options, &problem);
   nlohmann::ordered_json report = problem.Solve();
+  report["rim_error_start_mm"] = 1000 * rim_error;
   problem.Store(body);
   if (sections != nullptr) {
     *sections = SectionsToJson(*body, problem.Evidence(*body));
@@ -335,10 +340,10 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
               JointResult* joints,
               StageSummary* summary) {
   summary->figures["mode"] = options.mode;
-  summary->figures["rim_error_start_mm"] =
-      1000 * MeanRimError(evidence, *joints, *body, kRimReach);
   summary->status = "ok";
   if (options.mode != "rim") {
+    summary->figures["rim_error_start_mm"] =
+        1000 * MeanRimError(evidence, *joints, *body, kRimReach);
     SampleHullRadii(evidence, options.mode == "paper", *joints, body);
   } else {
     nlohmann::ordered_json report, person_report, sections;
@@ -376,6 +381,9 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
                           photo,
                           body,
                           last ? &sections : nullptr);
+      if (first) {
+        summary->figures["rim_error_start_mm"] = report["rim_error_start_mm"];
+      }
       // With better radii the outline says more about the pose.
       const int left = options.rounds - 1 - round;
       if (left > 0) solve_pose(left == 1 ? &person_report : nullptr);

@@ -4,6 +4,7 @@
 #include <glog/logging.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/SparseCore>
 #include <algorithm>
 #include <cmath>
 
@@ -18,6 +19,14 @@ namespace {
 // square.
 ceres::LossFunction* Weighted(ceres::LossFunction* loss, double weight) {
   return new ceres::ScaledLoss(loss, weight, ceres::TAKE_OWNERSHIP);
+}
+
+// The inverse of the sum of all families, with a tiny ridge.
+Eigen::MatrixXd Covariance(const PersonProblem::Information& information) {
+  Eigen::MatrixXd sum = information[0];
+  for (int f = 1; f < kNumFamilies; ++f) sum += information[f];
+  sum.diagonal().array() += 1e-9;
+  return sum.ldlt().solve(Eigen::MatrixXd::Identity(sum.rows(), sum.cols()));
 }
 
 // Posterior against prior variance of a joint relative to its parent: 0 when
@@ -209,35 +218,33 @@ double PersonProblem::Cost(int family) const {
   return cost;
 }
 
-Eigen::MatrixXd PersonProblem::Information(int family) const {
+PersonProblem::Information PersonProblem::InformationByFamily() const {
   const int n = num_parameters();
-  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
-  ceres::Problem::EvaluateOptions options;
-  options.parameter_blocks = AllBlocks();
-  for (const Block& block : blocks_) {
-    if (family < 0 || static_cast<int>(block.family) == family) {
-      options.residual_blocks.push_back(block.id);
-    }
-  }
-  if (options.residual_blocks.empty()) return information;
-  ceres::CRSMatrix jacobian;
-  problem_.Evaluate(options, nullptr, nullptr, nullptr, &jacobian);
-  for (int row = 0; row < jacobian.num_rows; ++row) {
-    for (int a = jacobian.rows[row]; a < jacobian.rows[row + 1]; ++a) {
-      for (int b = jacobian.rows[row]; b < jacobian.rows[row + 1]; ++b) {
-        information(jacobian.cols[a], jacobian.cols[b]) +=
-            jacobian.values[a] * jacobian.values[b];
+  Information information;
+  for (int f = 0; f < kNumFamilies; ++f) {
+    information[f] = Eigen::MatrixXd::Zero(n, n);
+    ceres::Problem::EvaluateOptions options;
+    options.parameter_blocks = AllBlocks();
+    for (const Block& block : blocks_) {
+      if (static_cast<int>(block.family) == f) {
+        options.residual_blocks.push_back(block.id);
       }
     }
+    if (options.residual_blocks.empty()) continue;
+    ceres::CRSMatrix crs;
+    problem_.Evaluate(options, nullptr, nullptr, nullptr, &crs);
+    // Nearly every residual is one of all the unknowns.
+    const Eigen::MatrixXd jacobian =
+        Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>>(
+            crs.num_rows,
+            crs.num_cols,
+            static_cast<Eigen::Index>(crs.values.size()),
+            crs.rows.data(),
+            crs.cols.data(),
+            crs.values.data());
+    information[f] = jacobian.transpose() * jacobian;
   }
   return information;
-}
-
-Eigen::MatrixXd PersonProblem::Covariance() const {
-  Eigen::MatrixXd information = Information(-1);
-  const int n = static_cast<int>(information.rows());
-  information.diagonal().array() += 1e-9;
-  return information.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
 }
 
 Eigen::Matrix3Xd PersonProblem::JointDerivative(int pose, int joint) const {
@@ -284,13 +291,14 @@ nlohmann::ordered_json PersonProblem::Report() const {
       ceres::TerminationTypeToString(summary_.termination_type);
   report["residuals"] = summary_.num_residuals;
   report["parameters"] = num_parameters();
-  const Eigen::MatrixXd covariance = Covariance();
+  const Information information = InformationByFamily();
+  const Eigen::MatrixXd covariance = Covariance(information);
   for (int f = 0; f < kNumFamilies; ++f) {
     auto& entry = report["families"][kFamilyNames[f]];
     entry["cost_start"] = cost_at_start_[f];
     entry["cost_end"] = Cost(f);
     entry["effective_parameters"] =
-        covariance.cwiseProduct(Information(f)).sum();
+        covariance.cwiseProduct(information[f]).sum();
   }
   return report;
 }
@@ -320,11 +328,8 @@ void FillJointResult(const PersonProblem& problem,
     estimate.frames = ForwardKinematics(result->skeleton, estimate.pose);
   }
   if (!with_covariance) return;
-  const Eigen::MatrixXd covariance = problem.Covariance();
-  std::array<Eigen::MatrixXd, kNumFamilies> information;
-  for (int f = 0; f < kNumFamilies; ++f) {
-    information[f] = problem.Information(f);
-  }
+  const PersonProblem::Information information = problem.InformationByFamily();
+  const Eigen::MatrixXd covariance = Covariance(information);
   for (size_t p = 0; p < parameters.pose.size(); ++p) {
     JointEstimate& estimate = result->poses[p];
     for (int j = 0; j < kNumJoints; ++j) {

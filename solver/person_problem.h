@@ -109,14 +109,12 @@ class PersonProblem {
   // the number of unknowns.
   nlohmann::ordered_json Report() const;
 
-  // Covariance of all free parameters at the solution, ordered poses, lengths,
-  // person, girth (the inverse of J^T J with a tiny ridge).
-  Eigen::MatrixXd Covariance() const;
+  // J^T J of each family at the solution, over all free parameters: poses,
+  // lengths, person, girth.
+  using Information = std::array<Eigen::MatrixXd, kNumFamilies>;
+  Information InformationByFamily() const;
   // 3 x (number of parameters) derivative of a joint in the same order.
   Eigen::Matrix3Xd JointDerivative(int pose, int joint) const;
-
-  // J^T J of one family, or of all families when family < 0.
-  Eigen::MatrixXd Information(int family) const;
 
   int num_parameters() const;
   Skeleton CurrentSkeleton() const;

@@ -170,6 +170,30 @@ void AddTargets(const PoseEvidence& evidence,
   }
 }
 
+// The body as it stands in every pose, and its rims.
+struct Standing {
+  std::vector<PosedBody> posed;
+  std::vector<RimEvidence> rims;
+  double rim_error = 0;  // metres, mean over the poses
+};
+
+Standing Stand(const std::vector<PoseEvidence>& evidence,
+               const JointResult& joints,
+               const Body& body) {
+  Standing standing;
+  for (size_t p = 0; p < evidence.size(); ++p) {
+    standing.posed.push_back(PoseForFit(body, joints.poses[p].pose));
+    standing.rims.push_back(GatherRimEvidence(standing.posed[p],
+                                              body.topology.quads,
+                                              *evidence[p].views,
+                                              *evidence[p].contours,
+                                              kRimReach));
+    standing.rim_error += MeanRimError(standing.rims[p], *evidence[p].views) /
+                          static_cast<double>(evidence.size());
+  }
+  return standing;
+}
+
 // Moves vertices by offsets along their posed normals.
 void ApplyOffsets(const Eigen::VectorXd& offset,
                   const PosedBody& posed,
@@ -220,8 +244,8 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
     smooth.coeffRef(i, i) += (thin[i] ? kThinStiffness : 1) * magnitude;
   }
 
-  double error = MeanRimError(evidence, joints, *body, kRimReach);
-  summary->figures["rim_error_start_mm"] = 1000 * error;
+  Standing standing = Stand(evidence, joints, *body);
+  summary->figures["rim_error_start_mm"] = 1000 * standing.rim_error;
   const auto photo =
       MatchPhotographs(evidence, joints, *body, kPhotoReach, kPhotoStep);
   size_t num_photo_points = 0;
@@ -229,26 +253,21 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
   int rounds = 0;
   for (; rounds < options.rounds; ++rounds) {
     OffsetSystem system(n);
-    PosedBody first;
     for (size_t p = 0; p < evidence.size(); ++p) {
-      PosedBody posed = PoseForFit(*body, joints.poses[p].pose);
-      const RimEvidence rims = GatherRimEvidence(posed,
-                                                 body->topology.quads,
-                                                 *evidence[p].views,
-                                                 *evidence[p].contours,
-                                                 kRimReach);
-      AddTargets(
-          evidence[p], rims, photo[p], posed, options.sigma_rim, &system);
-      if (p == 0) first = std::move(posed);
+      AddTargets(evidence[p],
+                 standing.rims[p],
+                 photo[p],
+                 standing.posed[p],
+                 options.sigma_rim,
+                 &system);
     }
     Body candidate = *body;
-    ApplyOffsets(system.Solve(smooth), first, &candidate);
-    const double candidate_error =
-        MeanRimError(evidence, joints, candidate, kRimReach);
+    ApplyOffsets(system.Solve(smooth), standing.posed.front(), &candidate);
+    Standing moved = Stand(evidence, joints, candidate);
     // A refinement that does not bring the outlines closer is not kept.
-    if (!(candidate_error < error)) break;
+    if (!(moved.rim_error < standing.rim_error)) break;
     *body = std::move(candidate);
-    error = candidate_error;
+    standing = std::move(moved);
   }
   double largest = 0;
   for (const Vector3d& d : body->displacement_in_section) {
@@ -256,7 +275,7 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
   }
   summary->figures["rounds"] = rounds;
   summary->figures["photo_points"] = num_photo_points;
-  summary->figures["rim_error_end_mm"] = 1000 * error;
+  summary->figures["rim_error_end_mm"] = 1000 * standing.rim_error;
   summary->figures["largest_displacement_mm"] = 1000 * largest;
   relax();
 }
