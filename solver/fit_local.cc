@@ -37,6 +37,10 @@ constexpr double kPhotoReach = 0.035;
 constexpr double kPhotoReachLast = 0.018;
 constexpr double kPhotoStep = 0.85;
 
+// The radii of every round but the last take one step: the rims are found anew
+// after it.
+constexpr int kMaxIterationsLast = 6;
+
 // The feature weight (paper IV.B) where a vertex sits.
 double FeatureWeight(const Body& body, int vertex) {
   double weight = 0;
@@ -246,6 +250,7 @@ nlohmann::ordered_json SolveRadii(
     const std::vector<PoseEvidence>& evidence,
     const LocalOptions& options,
     double sigma_rim,
+    int max_iterations,
     const JointResult& joints,
     const std::vector<std::vector<PhotoPoint>>& photo,
     Body* body,
@@ -265,7 +270,7 @@ nlohmann::ordered_json SolveRadii(
                  static_cast<double>(evidence.size());
   }
   AddRegularisation(*body, options, &problem);
-  nlohmann::ordered_json report = problem.Solve();
+  nlohmann::ordered_json report = problem.Solve(max_iterations);
   report["rim_error_start_mm"] = 1000 * rim_error;
   problem.Store(body);
   if (sections != nullptr) {
@@ -377,6 +382,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
       report = SolveRadii(evidence,
                           options,
                           (first ? 2 : 1) * options.sigma_rim,
+                          last ? kMaxIterationsLast : 1,
                           *joints,
                           photo,
                           body,

@@ -54,12 +54,12 @@ void RadiusProblem::Add(RadiusFamily family,
       problem_.AddResidualBlock(cost, loss, rows));
 }
 
-nlohmann::ordered_json RadiusProblem::Solve() {
+nlohmann::ordered_json RadiusProblem::Solve(int max_iterations) {
   ceres::Solver::Options solver;
   solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   solver.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
   solver.num_threads = 1;
-  solver.max_num_iterations = 6;
+  solver.max_num_iterations = max_iterations;
   solver.function_tolerance = 5e-4;
   solver.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;

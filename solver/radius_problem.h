@@ -57,7 +57,7 @@ class RadiusProblem {
 
   // Solves on one thread with sparse Cholesky (EIGEN_SPARSE), so that results
   // repeat. Returns how it went.
-  nlohmann::ordered_json Solve();
+  nlohmann::ordered_json Solve(int max_iterations);
 
   // Copies the log ratios to the body, within kLargestLogRatio.
   void Store(Body* body) const;

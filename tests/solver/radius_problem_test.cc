@@ -87,7 +87,7 @@ TEST(RadiusProblem, SolvesAndStores) {
                                 Eigen::VectorXd::Constant(n, 0.1)),
               nullptr,
               {problem.Row(0, 2)});
-  EXPECT_TRUE(problem.Solve()["usable"].get<bool>());
+  EXPECT_TRUE(problem.Solve(6)["usable"].get<bool>());
   problem.Store(&body);
   // 0.3 with four fifths of the information, but for the solver's damping.
   EXPECT_NEAR(body.sweeps[0].log_ratio(2, 5), 0.24, 1e-4);
