@@ -61,13 +61,29 @@ const std::array<float, 256>& LinearTable() {
   return table;
 }
 
+// Per 1/kSrgbSteps of linear light the first byte that is not darker.
+constexpr int kSrgbSteps = 4096;
+const std::array<std::uint8_t, kSrgbSteps + 1>& SrgbTable() {
+  static const std::array<std::uint8_t, kSrgbSteps + 1> table = [] {
+    const auto& linear = LinearTable();
+    std::array<std::uint8_t, kSrgbSteps + 1> bytes;
+    int byte = 0;
+    for (int i = 0; i <= kSrgbSteps; ++i) {
+      while (linear[byte] < static_cast<float>(i) / kSrgbSteps) ++byte;
+      bytes[i] = static_cast<std::uint8_t>(byte);
+    }
+    return bytes;
+  }();
+  return table;
+}
+
 // The byte whose linear value is nearest, up to the curvature of the code.
 std::uint8_t LinearToSrgb(float linear) {
   const auto& table = LinearTable();
-  const auto above = std::lower_bound(table.begin(), table.end(), linear);
-  if (above == table.begin()) return 0;
-  if (above == table.end()) return 255;
-  const int upper = static_cast<int>(above - table.begin());
+  if (!(linear > 0)) return 0;
+  if (linear >= 1) return 255;
+  int upper = SrgbTable()[static_cast<int>(linear * kSrgbSteps)];
+  while (table[upper] < linear) ++upper;
   const bool nearer_below = linear - table[upper - 1] < table[upper] - linear;
   return static_cast<std::uint8_t>(nearer_below ? upper - 1 : upper);
 }
@@ -188,7 +204,11 @@ struct AtlasMap {
   cv::Mat2f weights;
 };
 
-void RasteriseFacet(const Facet& facet, int index, AtlasMap* map) {
+// Fills in the texels of some rows that lie in a facet.
+void RasteriseFacet(const Facet& facet,
+                    int index,
+                    const cv::Range& rows,
+                    AtlasMap* map) {
   const int size = map->facet.rows;
   const Eigen::Vector2d a = TexelOf(facet.uv[0], size);
   Eigen::Matrix2d edges;
@@ -205,7 +225,9 @@ void RasteriseFacet(const Facet& facet, int index, AtlasMap* map) {
     return std::min(size - 1, int(std::floor(x)));
   };
   constexpr double kOnEdge = -1e-6;
-  for (int y = first(low.y()); y <= last(high.y()); ++y) {
+  const int first_row = std::max(rows.start, first(low.y()));
+  const int last_row = std::min(rows.end - 1, last(high.y()));
+  for (int y = first_row; y <= last_row; ++y) {
     for (int x = first(low.x()); x <= last(high.x()); ++x) {
       const Eigen::Vector2d w = weights_of * (Eigen::Vector2d(x, y) - a);
       if (w.x() < kOnEdge || w.y() < kOnEdge || w.sum() > 1 - kOnEdge) continue;
@@ -218,9 +240,16 @@ void RasteriseFacet(const Facet& facet, int index, AtlasMap* map) {
 
 AtlasMap RasteriseAtlas(const std::vector<Facet>& facets, int size) {
   AtlasMap map{cv::Mat1i(size, size, -1), cv::Mat2f::zeros(size, size)};
-  for (std::size_t t = 0; t < facets.size(); ++t) {
-    RasteriseFacet(facets[t], static_cast<int>(t), &map);
-  }
+  // Of facets that share a texel the last has it: each band of rows goes
+  // through all of them in order.
+  constexpr int kBandRows = 128;
+  ParallelFor((size + kBandRows - 1) / kBandRows, [&](int band) {
+    const cv::Range rows(band * kBandRows,
+                         std::min(size, (band + 1) * kBandRows));
+    for (std::size_t t = 0; t < facets.size(); ++t) {
+      RasteriseFacet(facets[t], static_cast<int>(t), rows, &map);
+    }
+  });
   return map;
 }
 
@@ -249,22 +278,28 @@ struct PreparedView {
   const View* view = nullptr;
   int pose = 0;
   Eigen::Vector3d center_in_world;
-  cv::Mat1f depth;   // pinhole pixels, metres along z; 0 where nothing is
-  cv::Mat1f margin;  // pinhole pixels: px to the nearest unsafe place
+  cv::Rect box;      // of the silhouette, pinhole pixels; all that is of use
+  cv::Mat1f depth;   // of the box, metres along z; 0 where nothing is
+  cv::Mat1f margin;  // of the box: px to the nearest unsafe place
   cv::Mat3f coarse;  // the picture without detail, linear, reduced
   Color gain = Color::Ones();  // what makes its exposure that of the others
 };
 
-// Depth of the nearest surface through every pinhole pixel of the silhouette.
-cv::Mat1f RenderDepth(const View& view, const RayScene& scene) {
-  cv::Mat1f depth = cv::Mat1f::zeros(view.signed_distance.size());
+// Depth of the nearest surface through every pinhole pixel of the silhouette
+// in a box.
+cv::Mat1f RenderDepth(const View& view,
+                      const cv::Rect& box,
+                      const RayScene& scene) {
+  cv::Mat1f depth = cv::Mat1f::zeros(box.size());
+  const cv::Mat1f distance = view.signed_distance(box);
   const Eigen::Vector3d center = view.camera.CenterInWorld();
   const Eigen::Vector3d forward =
       view.camera.camera_from_world.row(2).transpose();
   ParallelFor(depth.rows, [&](int y) {
     for (int x = 0; x < depth.cols; ++x) {
-      if (view.signed_distance(y, x) > 0) continue;
-      const Eigen::Vector3d ray = view.camera.RayInWorld(Eigen::Vector2d(x, y));
+      if (distance(y, x) > 0) continue;
+      const Eigen::Vector3d ray =
+          view.camera.RayInWorld(Eigen::Vector2d(box.x + x, box.y + y));
       const RayScene::Hit hit = scene.Intersect(center, ray);
       if (hit.triangle < 0) continue;
       depth(y, x) = static_cast<float>(hit.distance * ray.dot(forward));
@@ -275,7 +310,8 @@ cv::Mat1f RenderDepth(const View& view, const RayScene& scene) {
 
 // Pixels from every pixel to the silhouette's boundary or to a depth step
 // within it; negative outside the silhouette.
-cv::Mat1f SafetyMargin(const View& view, const cv::Mat1f& depth) {
+cv::Mat1f SafetyMargin(const cv::Mat1f& signed_distance,
+                       const cv::Mat1f& depth) {
   cv::Mat1b smooth(depth.size(), 255);
   const auto is_step = [](float a, float b) {
     return a > 0 && b > 0 && std::abs(a - b) > kDepthStep;
@@ -292,7 +328,7 @@ cv::Mat1f SafetyMargin(const View& view, const cv::Mat1f& depth) {
   }
   cv::Mat1f margin;
   cv::distanceTransform(smooth, margin, cv::DIST_L2, cv::DIST_MASK_5);
-  cv::Mat1f inside = -view.signed_distance;
+  cv::Mat1f inside = -signed_distance;
   return cv::min(margin, inside);
 }
 
@@ -340,8 +376,12 @@ PreparedView Prepare(const View& view,
   prepared.view = &view;
   prepared.pose = pose;
   prepared.center_in_world = view.camera.CenterInWorld();
-  prepared.depth = RenderDepth(view, scene);
-  prepared.margin = SafetyMargin(view, prepared.depth);
+  prepared.box = cv::boundingRect(cv::Mat1b(view.signed_distance <= 0));
+  if (!prepared.box.empty()) {
+    prepared.depth = RenderDepth(view, prepared.box, scene);
+    prepared.margin =
+        SafetyMargin(view.signed_distance(prepared.box), prepared.depth);
+  }
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& vertex : surface.mesh.vertices) middle += vertex;
   middle /= static_cast<double>(surface.mesh.vertices.size());
@@ -356,10 +396,11 @@ PreparedView Prepare(const View& view,
 // What a view says about a point of the surface.
 struct Observation {
   int view = -1;
-  double quality = 0;  // 0..1: angle and safety
-  double weight = 0;   // quality times resolution
-  Color color;         // linear, exposure corrected
-  Color coarse;
+  Eigen::Vector2d pixel;  // where the picture shows it
+  double quality = 0;     // 0..1: angle and safety
+  double weight = 0;      // quality times resolution
+  Color coarse;           // linear, exposure corrected
+  Color log_coarse;       // where outliers are looked for
 };
 
 // Looks at a point (world) with a unit normal; false where the view says
@@ -370,14 +411,22 @@ bool Observe(const PreparedView& prepared,
              Observation* observation) {
   const Camera& camera = prepared.view->camera;
   const Eigen::Vector3d to_camera = prepared.center_in_world - point;
-  const double cosine = normal.dot(to_camera) / to_camera.norm();
+  const double towards = normal.dot(to_camera);
+  if (!(towards > 0)) return false;  // most that fail, without a square root
+  const double cosine = towards / to_camera.norm();
   if (!(cosine > kMinCosine)) return false;
-  const double depth = camera.PointInCamera(point).z();
+  const Eigen::Vector3d point_in_camera = camera.PointInCamera(point);
+  const double depth = point_in_camera.z();
   if (depth < 1e-3) return false;
 
-  const Eigen::Vector2d pinhole = camera.ProjectPinhole(point);
-  const int x = static_cast<int>(std::floor(pinhole.x() + 0.5));
-  const int y = static_cast<int>(std::floor(pinhole.y() + 0.5));
+  const Eigen::Matrix3d& K = camera.K;
+  const Eigen::Vector2d at = point_in_camera.hnormalized();
+  const Eigen::Vector2d pinhole(K(0, 0) * at.x() + K(0, 1) * at.y() + K(0, 2),
+                                K(1, 1) * at.y() + K(1, 2));
+  const int x =
+      static_cast<int>(std::floor(pinhole.x() + 0.5)) - prepared.box.x;
+  const int y =
+      static_cast<int>(std::floor(pinhole.y() + 0.5)) - prepared.box.y;
   if (x < 0 || y < 0 || x >= prepared.depth.cols || y >= prepared.depth.rows) {
     return false;
   }
@@ -395,8 +444,7 @@ bool Observe(const PreparedView& prepared,
   observation->quality =
       cosine * cosine * SmoothStep(kMinMargin, kFullMargin, margin);
   observation->weight = observation->quality * resolution * resolution;
-  observation->color = prepared.gain.cwiseProduct(
-      SampleColor(prepared.view->image, pixel.x(), pixel.y(), Linear));
+  observation->pixel = pixel;
   const double scale_x = double(prepared.coarse.cols) / camera.width;
   const double scale_y = double(prepared.coarse.rows) / camera.height;
   observation->coarse =
@@ -430,24 +478,28 @@ void ObserveAll(const std::vector<PreparedView>& views,
 // weight: they see a highlight, or a hand that hides this place although the
 // fitted hand does not. Every view has one vote: the one that looks straightest
 // is often the one that is hidden.
-void DoubtOutliers(std::vector<Observation>* observations) {
+void DoubtOutliers(std::vector<Observation>* observations,
+                   std::vector<float>* scratch) {
   if (observations->size() < 3) return;
-  const auto log_color = [](const Observation& observation, int channel) {
-    return std::log(std::max(1e-4f, observation.coarse[channel]));
-  };
-  Color median;
-  std::vector<float> values(observations->size());
-  for (int channel = 0; channel < 3; ++channel) {
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      values[i] = log_color((*observations)[i], channel);
+  for (Observation& observation : *observations) {
+    for (int channel = 0; channel < 3; ++channel) {
+      observation.log_coarse[channel] =
+          std::log(std::max(1e-4f, observation.coarse[channel]));
     }
-    median[channel] = MedianInPlace(&values);
+  }
+  Color median;
+  scratch->resize(observations->size());
+  for (int channel = 0; channel < 3; ++channel) {
+    for (std::size_t i = 0; i < scratch->size(); ++i) {
+      (*scratch)[i] = (*observations)[i].log_coarse[channel];
+    }
+    median[channel] = MedianInPlace(scratch);
   }
   for (Observation& observation : *observations) {
     double off = 0;
     for (int channel = 0; channel < 3; ++channel) {
       const double difference =
-          (log_color(observation, channel) - median[channel]) /
+          (observation.log_coarse[channel] - median[channel]) /
           kDoubtfulLogRatio;
       off += difference * difference / 3;
     }
@@ -462,41 +514,58 @@ float Eighth(float x) {
   return x4 * x4;
 }
 
-struct Blended {
-  Color color = Color::Zero();
-  Color coarse = Color::Zero();
-  double confidence = 0;
-};
-
 // Two bands: coarse colour is the weighted mean of all views, detail comes from
 // the best, so that errors of the geometry neither double it nor leave seams.
-Blended Blend(std::vector<Observation>* observations) {
+struct Blended {
+  Color coarse = Color::Zero();
+  double confidence = 0;
+  double best = 0;  // the largest weight of an observation
+};
+
+Blended Blend(std::vector<Observation>* observations,
+              std::vector<float>* scratch) {
   Blended blended;
   if (observations->empty()) return blended;
-  DoubtOutliers(observations);
-  double best = 0;
+  DoubtOutliers(observations, scratch);
   double total_quality = 0;
   for (const Observation& observation : *observations) {
-    best = std::max(best, observation.weight);
+    blended.best = std::max(blended.best, observation.weight);
     total_quality += observation.quality;
   }
-  Color detail = Color::Zero();
   float total = 0;
-  float detail_total = 0;
   for (const Observation& observation : *observations) {
-    const double share = observation.weight / best;
-    const float weight = static_cast<float>(share);
-    const float sharp = Eighth(weight);
+    const float weight = static_cast<float>(observation.weight / blended.best);
     blended.coarse += weight * observation.coarse;
-    detail += sharp * (observation.color - observation.coarse);
     total += weight;
-    detail_total += sharp;
   }
   blended.coarse /= total;
-  blended.color =
-      (blended.coarse + detail / detail_total).cwiseMax(0.0f).cwiseMin(1.0f);
   blended.confidence = 1 - std::exp(-total_quality);
   return blended;
+}
+
+// The coarse colour with the detail of the pictures.
+Color WithDetail(const Blended& blended,
+                 const std::vector<PreparedView>& views,
+                 const std::vector<Observation>& observations) {
+  // Views that have less of the weight than this are not looked at: they would
+  // have 1/15000 of the best one's say.
+  constexpr float kLeastWeight = 0.3f;
+  Color detail = Color::Zero();
+  float total = 0;
+  for (const Observation& observation : observations) {
+    const float weight = static_cast<float>(observation.weight / blended.best);
+    if (weight < kLeastWeight) continue;
+    const PreparedView& prepared = views[observation.view];
+    const Color color =
+        prepared.gain.cwiseProduct(SampleColor(prepared.view->image,
+                                               observation.pixel.x(),
+                                               observation.pixel.y(),
+                                               Linear));
+    const float sharp = Eighth(weight);
+    detail += sharp * (color - observation.coarse);
+    total += sharp;
+  }
+  return (blended.coarse + detail / total).cwiseMax(0.0f).cwiseMin(1.0f);
 }
 
 // ---------------------------------------------------------------------------
@@ -523,31 +592,48 @@ ObservationsPerVertex ObserveVertices(
   return observations;
 }
 
+// What one view says of the brightness of a vertex in one channel.
+struct LogBrightness {
+  int view;
+  double value;  // ln of the coarse colour
+  double quality;
+};
+
+// Per vertex, of the views that show it neither too dark nor too bright.
+std::vector<std::vector<LogBrightness>> LogBrightnesses(
+    const ObservationsPerVertex& observations, int channel) {
+  std::vector<std::vector<LogBrightness>> all(observations.size());
+  for (std::size_t v = 0; v < observations.size(); ++v) {
+    for (const Observation& observation : observations[v]) {
+      const float value = observation.coarse[channel];
+      if (!(value > kDarkest && value < kBrightest)) continue;
+      all[v].push_back(
+          {observation.view, std::log(double{value}), observation.quality});
+    }
+  }
+  return all;
+}
+
 // Log gains a of one channel: minimises
 //   sum rho((a_i + ln I_i - a_j - ln I_j) / sigma) + sum a_i^2 / prior^2
 // over all pairs of views of all vertices, rho Huber's, by reweighting.
 Eigen::VectorXd SolveLogGains(const ObservationsPerVertex& observations,
                               int num_views,
                               int channel) {
+  const std::vector<std::vector<LogBrightness>> brightness =
+      LogBrightnesses(observations, channel);
   Eigen::VectorXd gain = Eigen::VectorXd::Zero(num_views);
-  const auto usable = [channel](const Observation& observation) {
-    const float value = observation.coarse[channel];
-    return value > kDarkest && value < kBrightest;
-  };
   constexpr int kIterations = 10;
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     const double prior = 1 / (kExposurePrior * kExposurePrior);
     Eigen::MatrixXd A = prior * Eigen::MatrixXd::Identity(num_views, num_views);
     Eigen::VectorXd b = Eigen::VectorXd::Zero(num_views);
-    for (const std::vector<Observation>& all : observations) {
+    for (const std::vector<LogBrightness>& all : brightness) {
       for (std::size_t m = 0; m < all.size(); ++m) {
-        if (!usable(all[m])) continue;
         for (std::size_t n = m + 1; n < all.size(); ++n) {
-          if (!usable(all[n])) continue;
           const int i = all[m].view;
           const int j = all[n].view;
-          const double difference = std::log(double{all[n].coarse[channel]}) -
-                                    std::log(double{all[m].coarse[channel]});
+          const double difference = all[n].value - all[m].value;
           const double residual =
               std::abs(gain[i] - gain[j] - difference) / kExposureHuber;
           const double weight = all[m].quality * all[n].quality /
@@ -570,17 +656,16 @@ Eigen::VectorXd SolveLogGains(const ObservationsPerVertex& observations,
 void EqualiseExposure(ObservationsPerVertex* observations,
                       std::vector<PreparedView>* views) {
   const int num_views = static_cast<int>(views->size());
-  for (int channel = 0; channel < 3; ++channel) {
+  ParallelFor(3, [&](int channel) {
     const Eigen::VectorXd gain =
         SolveLogGains(*observations, num_views, channel);
     for (int i = 0; i < num_views; ++i) {
       (*views)[i].gain[channel] = static_cast<float>(std::exp(gain[i]));
     }
-  }
+  });
   for (std::vector<Observation>& all : *observations) {
     for (Observation& observation : all) {
       const Color& gain = (*views)[observation.view].gain;
-      observation.color = observation.color.cwiseProduct(gain);
       observation.coarse = observation.coarse.cwiseProduct(gain);
     }
   }
@@ -666,8 +751,9 @@ Fallback BuildFallback(const BodyTopology& topology,
   fallback.color.resize(num_vertices);
   fallback.minus_other_side.assign(num_vertices, Color::Zero());
   std::vector<bool> seen(num_vertices);
+  std::vector<float> scratch;
   for (std::size_t v = 0; v < num_vertices; ++v) {
-    const Blended blended = Blend(&(*observations)[v]);
+    const Blended blended = Blend(&(*observations)[v], &scratch);
     fallback.color[v] = blended.coarse;
     seen[v] = blended.confidence >= kSafeConfidence;
   }
@@ -708,6 +794,7 @@ LinearAtlas BlendAtlas(const AtlasMap& map,
                     cv::Mat1f::zeros(map.facet.size())};
   ParallelFor(map.facet.rows, [&](int y) {
     std::vector<Observation> observations;
+    std::vector<float> scratch;
     for (int x = 0; x < map.facet.cols; ++x) {
       if (map.facet(y, x) < 0) continue;
       const Triangle& vertex = facets[map.facet(y, x)].vertex;
@@ -724,9 +811,10 @@ LinearAtlas BlendAtlas(const AtlasMap& map,
                 Eigen::Vector3d(normal.normalized()));
           },
           &observations);
-      const Blended blended = Blend(&observations);
-      atlas.color(y, x) = {
-          blended.color[0], blended.color[1], blended.color[2]};
+      if (observations.empty()) continue;
+      const Blended blended = Blend(&observations, &scratch);
+      const Color color = WithDetail(blended, views, observations);
+      atlas.color(y, x) = {color[0], color[1], color[2]};
       atlas.confidence(y, x) = static_cast<float>(blended.confidence);
     }
   });
@@ -886,9 +974,12 @@ Texture SolveTexture(
     }
     surface.normals = VertexNormals(surface.mesh);
     const RayScene scene(surface.mesh);
-    for (const View& view : views[pose]) {
-      prepared.push_back(Prepare(view, static_cast<int>(pose), surface, scene));
-    }
+    const std::size_t first = prepared.size();
+    prepared.resize(first + views[pose].size());
+    ParallelFor(static_cast<int>(views[pose].size()), [&](int i) {
+      prepared[first + i] =
+          Prepare(views[pose][i], static_cast<int>(pose), surface, scene);
+    });
     surfaces.push_back(std::move(surface));
   }
 
