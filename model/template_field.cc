@@ -4,6 +4,7 @@
 #include <glog/logging.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -118,6 +119,12 @@ SectionStack::SectionStack(const Eigen::Vector3d& origin,
   const MonotoneCurve center_y = Curve(sections, &StackSection::center_y);
   radius_.resize(kRows * kColumns);
   center_.resize(kRows);
+  std::array<double, kColumns> cosine, sine;
+  for (int k = 0; k < kColumns; ++k) {
+    const double theta = 2 * std::numbers::pi * k / kColumns;
+    cosine[k] = std::abs(std::cos(theta));
+    sine[k] = std::abs(std::sin(theta));
+  }
   for (int row = 0; row < kRows; ++row) {
     const double s = start_ + step_ * row;
     const double a = half_x.At(s);
@@ -125,11 +132,8 @@ SectionStack::SectionStack(const Eigen::Vector3d& origin,
     const double n = exponent.At(s);
     center_[row] = {center_x.At(s), center_y.At(s)};
     for (int k = 0; k < kColumns; ++k) {
-      const double theta = 2 * std::numbers::pi * k / kColumns;
-      radius_[row * kColumns + k] =
-          std::pow(std::pow(std::abs(std::cos(theta)) / a, n) +
-                       std::pow(std::abs(std::sin(theta)) / b, n),
-                   -1 / n);
+      radius_[row * kColumns + k] = std::pow(
+          std::pow(cosine[k] / a, n) + std::pow(sine[k] / b, n), -1 / n);
     }
   }
   Smooth(smooth);
@@ -149,22 +153,19 @@ void SectionStack::Smooth(double sigma) {
   const std::vector<Eigen::Vector2d> center = center_;
   // At the ends the values go on in a straight line (a point reflection), so
   // that they keep their place there.
-  auto blurred = [&](int row, auto&& value) {
-    auto total = value(row);
-    total *= weight[reach] / sum;
+  for (int row = 0; row < num_rows_; ++row) {
+    double* blurred = &radius_[row * kColumns];
+    center_[row] *= weight[reach] / sum;
+    for (int k = 0; k < kColumns; ++k) blurred[k] *= weight[reach] / sum;
     for (int i = 1; i <= reach; ++i) {
       const int room = std::min({i, row, num_rows_ - 1 - row});
-      total +=
-          (weight[reach + i] / sum) * (value(row - room) + value(row + room));
-    }
-    return total;
-  };
-  for (int row = 0; row < num_rows_; ++row) {
-    center_[row] =
-        blurred(row, [&](int i) -> Eigen::Vector2d { return center[i]; });
-    for (int k = 0; k < kColumns; ++k) {
-      radius_[row * kColumns + k] =
-          blurred(row, [&](int i) { return radius[i * kColumns + k]; });
+      const double share = weight[reach + i] / sum;
+      center_[row] += share * (center[row - room] + center[row + room]);
+      const double* before = &radius[(row - room) * kColumns];
+      const double* after = &radius[(row + room) * kColumns];
+      for (int k = 0; k < kColumns; ++k) {
+        blurred[k] += share * (before[k] + after[k]);
+      }
     }
   }
 }
@@ -275,32 +276,43 @@ Eigen::Vector3d Tube::Direction(double s, double reach) const {
   return (At(s + reach) - At(s - reach)).normalized();
 }
 
-Feature::Feature(const Blob& blob)
-    : blob_(blob),
-      blend_width_(blob.blend_width),
-      carve_(blob.carve),
-      center_(blob.center),
-      reach_(blob.radii.maxCoeff()) {}
-
-Feature::Feature(const Tube& tube, double blend_width, bool carve)
-    : tube_(tube), blend_width_(blend_width), carve_(carve), reach_(0) {
-  center_.setZero();
-  for (const Eigen::Vector3d& p : tube.point)
-    center_ += p / static_cast<double>(tube.point.size());
-  for (size_t i = 0; i < tube.point.size(); ++i) {
-    reach_ =
-        std::max(reach_, (tube.point[i] - center_).norm() + tube.radius[i]);
+TubeBound::TubeBound(std::span<const Tube> tubes) {
+  double count = 0;
+  for (const Tube& tube : tubes)
+    count += static_cast<double>(tube.point.size());
+  for (const Tube& tube : tubes) {
+    for (const Eigen::Vector3d& p : tube.point) center_ += p / count;
+  }
+  for (const Tube& tube : tubes) {
+    for (size_t i = 0; i < tube.point.size(); ++i) {
+      reach_ =
+          std::max(reach_, (tube.point[i] - center_).norm() + tube.radius[i]);
+    }
   }
 }
+
+Feature::Feature(const Blob& blob)
+    : blob_(blob), blend_width_(blob.blend_width), carve_(blob.carve) {}
+
+Feature::Feature(const Tube& tube, double blend_width, bool carve)
+    : tube_(tube),
+      blend_width_(blend_width),
+      carve_(carve),
+      tube_bound_({&tube, 1}) {}
 
 double Feature::Apply(double solid, const Eigen::Vector3d& point) const {
   // Far away nothing changes. The margin is for distances of ellipsoids,
   // which are too short off their axes.
-  const double gap = (point - center_).norm() - reach_;
-  const double reference = carve_ ? -solid : solid;
-  if (gap > 0 && 0.5 * gap > reference + blend_width_) return solid;
-  const double feature =
-      tube_.point.empty() ? blob_.Distance(point) : tube_.Distance(point);
+  const double near = (carve_ ? -solid : solid) + blend_width_;
+  double feature = 0;
+  if (tube_.point.empty()) {
+    const double gap = (point - blob_.center).norm() - blob_.radii.maxCoeff();
+    if (gap > 0 && 0.5 * gap > near) return solid;
+    feature = blob_.Distance(point);
+  } else {
+    if (tube_bound_.Distance(point) > near) return solid;
+    feature = tube_.Distance(point);
+  }
   return carve_ ? -SmoothMin(-solid, feature, blend_width_)
                 : SmoothMin(solid, feature, blend_width_);
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <span>
 #include <vector>
 
 namespace sweepfit {
@@ -83,6 +84,21 @@ struct Tube {
   Eigen::Vector3d Direction(double s, double reach) const;
 };
 
+// A sphere around all of some tubes: none of them is nearer to a point.
+class TubeBound {
+ public:
+  TubeBound() = default;
+  explicit TubeBound(std::span<const Tube> tubes);
+
+  double Distance(const Eigen::Vector3d& query) const {
+    return (query - center_).norm() - reach_;
+  }
+
+ private:
+  Eigen::Vector3d center_ = Eigen::Vector3d::Zero();
+  double reach_ = 0;
+};
+
 // A blob or a tube as an addition to a solid, or carved from it.
 class Feature {
  public:
@@ -97,9 +113,7 @@ class Feature {
   Tube tube_;  // without points: the blob counts
   double blend_width_;
   bool carve_;
-  // A sphere around all of it.
-  Eigen::Vector3d center_;
-  double reach_;
+  TubeBound tube_bound_;
 };
 
 }  // namespace sweepfit

@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "model/template_geometry.h"
 
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <functional>
 #include <numbers>
 #include <set>
+#include <utility>
 
 namespace sweepfit {
 namespace {
@@ -642,18 +646,30 @@ class HalfPlacer {
   void Relax() {
     for (int pass = 0; pass < kPasses; ++pass) {
       std::vector<Vector3d> next = position_;
-      for (int v = 0; v < half_.num_vertices; ++v) {
-        if (pass >= passes_[v]) continue;
-        next[v] = Relaxed(v);
-      }
-      position_ = next;
+      ForEachInPass(pass, [&](int v) { next[v] = Relaxed(v); });
+      position_ = std::move(next);
     }
     // To the surface for good.
-    for (int pass = 0; pass < 3; ++pass) {
-      for (int v = 0; v < half_.num_vertices; ++v) {
-        if (passes_[v] > 0) position_[v] = Projected(position_[v], v);
+    ForEachInPass(0, [&](int v) {
+      for (int pass = 0; pass < 3; ++pass) {
+        position_[v] = Projected(position_[v], v);
       }
+    });
+  }
+
+  // Vertices that still take part, in parallel.
+  template <typename Visit>
+  void ForEachInPass(int pass, const Visit& visit) const {
+    std::vector<int> vertices;
+    for (int v = 0; v < half_.num_vertices; ++v) {
+      if (passes_[v] > pass) vertices.push_back(v);
     }
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, vertices.size(), 32),
+                      [&](const tbb::blocked_range<size_t>& range) {
+                        for (size_t i = range.begin(); i < range.end(); ++i) {
+                          visit(vertices[i]);
+                        }
+                      });
   }
 
   Vector3d Relaxed(int v) const {

@@ -2,6 +2,7 @@
 #include "model/template_sections.h"
 
 #include <glog/logging.h>
+#include <tbb/parallel_for.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -94,9 +95,9 @@ void FillSections(const SectionSource& source,
     Sweep bare = *sweep;
     bare.center_offset.setZero();
     const SweepAxis axis(bare, skeleton, frames);
-    for (int i = 0; i < sweep->num_rows(); ++i) {
+    tbb::parallel_for(0, sweep->num_rows(), [&](int i) {
       const double u = sweep->key_u[i];
-      if (u >= end_u) break;
+      if (u >= end_u) return;
       const SectionFrame section = axis.At(u);
       const Eigen::Matrix3d& frame = section.world_from_section;
       const Vector3d on_axis = section.center_in_world + root_in_solid;
@@ -117,7 +118,7 @@ void FillSections(const SectionSource& source,
       sweep->center_offset.col(i) = offset;
       sweep->radius.row(i) = Eigen::Map<const Eigen::RowVectorXd>(
           cast.radii().data(), sweep->num_columns());
-    }
+    });
   }
 }
 

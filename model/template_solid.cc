@@ -2,6 +2,7 @@
 #include "model/template_solid.h"
 
 #include <glog/logging.h>
+#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <cmath>
@@ -166,53 +167,60 @@ void TemplateSolid::Build(const std::vector<double>& girth_scale) {
                         table.round_end * stature_,
                         table.smooth * stature_);
   };
-  trunk_ = upright(tables_.trunk, "trunk");
-  neck_ = upright(tables_.neck, "neck");
-  head_ = upright(tables_.head, "head");
-
-  std::vector<StackSection> arm = metric(Scaled(tables_.arm, "arm"));
-  for (StackSection& section : arm) {
-    section.s =
-        (ArmAxis(section.s / stature_) - joints_[kLShoulder]).dot(arm_along_);
-  }
-  arm_ = SectionStack(joints_[kLShoulder],
-                      arm_thumb_,
-                      arm_palm_,
-                      arm_along_,
-                      arm,
-                      tables_.arm.round_start * stature_,
-                      tables_.arm.round_end * stature_,
-                      tables_.arm.smooth * stature_);
-
-  std::vector<StackSection> leg = metric(Scaled(tables_.leg, "leg"));
-  for (StackSection& section : leg) {
-    const Eigen::Vector3d axis = LegAxis(section.s / stature_) - joints_[kLHip];
-    section.s = -axis.y();
-    section.center_x += axis.x();
-    section.center_y += axis.z();
-  }
-  leg_ = SectionStack(joints_[kLHip],
-                      x,
-                      z,
-                      -y,
-                      leg,
-                      tables_.leg.round_start * stature_,
-                      tables_.leg.round_end * stature_,
-                      tables_.leg.smooth * stature_);
+  const auto build_arm = [&] {
+    std::vector<StackSection> arm = metric(Scaled(tables_.arm, "arm"));
+    for (StackSection& section : arm) {
+      section.s =
+          (ArmAxis(section.s / stature_) - joints_[kLShoulder]).dot(arm_along_);
+    }
+    arm_ = SectionStack(joints_[kLShoulder],
+                        arm_thumb_,
+                        arm_palm_,
+                        arm_along_,
+                        arm,
+                        tables_.arm.round_start * stature_,
+                        tables_.arm.round_end * stature_,
+                        tables_.arm.smooth * stature_);
+  };
+  const auto build_leg = [&] {
+    std::vector<StackSection> leg = metric(Scaled(tables_.leg, "leg"));
+    for (StackSection& section : leg) {
+      const Eigen::Vector3d axis =
+          LegAxis(section.s / stature_) - joints_[kLHip];
+      section.s = -axis.y();
+      section.center_x += axis.x();
+      section.center_y += axis.z();
+    }
+    leg_ = SectionStack(joints_[kLHip],
+                        x,
+                        z,
+                        -y,
+                        leg,
+                        tables_.leg.round_start * stature_,
+                        tables_.leg.round_end * stature_,
+                        tables_.leg.smooth * stature_);
+  };
+  const Eigen::Vector3d& ankle = joints_[kLAnkle];
+  const auto build_foot = [&] {
+    foot_ = SectionStack({ankle.x(), 0, ankle.z()},
+                         foot_lateral_,
+                         y,
+                         foot_forward_,
+                         metric(Scaled(tables_.foot, "foot")),
+                         tables_.foot.round_start * stature_,
+                         tables_.foot.round_end * stature_,
+                         tables_.foot.smooth * stature_);
+  };
+  tbb::parallel_invoke([&] { trunk_ = upright(tables_.trunk, "trunk"); },
+                       [&] { neck_ = upright(tables_.neck, "neck"); },
+                       [&] { head_ = upright(tables_.head, "head"); },
+                       build_arm,
+                       build_leg,
+                       build_foot);
 
   // Above, the legs are not felt on the surface.
   leg_top_ =
       joints_[kLHip].y() - leg_.start() + 2 * tables_.blend.leg * stature_;
-
-  const Eigen::Vector3d& ankle = joints_[kLAnkle];
-  foot_ = SectionStack({ankle.x(), 0, ankle.z()},
-                       foot_lateral_,
-                       y,
-                       foot_forward_,
-                       metric(Scaled(tables_.foot, "foot")),
-                       tables_.foot.round_start * stature_,
-                       tables_.foot.round_end * stature_,
-                       tables_.foot.smooth * stature_);
 
   // Above, the foot is not felt on the surface of the leg.
   foot_top_ = ankle.y() + (kFootReach + tables_.blend.foot) * stature_;
@@ -247,6 +255,8 @@ void TemplateSolid::BuildDigits() {
       return Place("foot", p).point;
     });
   }
+  around_fingers_ = TubeBound(finger_);
+  around_toes_ = TubeBound(toe_);
 }
 
 TemplateSolid::Placement TemplateSolid::Place(const std::string& part,
@@ -384,11 +394,22 @@ double TemplateSolid::Finger(int finger, const Eigen::Vector3d& point) const {
   return finger_[finger].Distance(point);
 }
 
-double TemplateSolid::Hand(const Eigen::Vector3d& point) const {
-  double hand = finger_[0].Distance(point);
-  for (size_t i = 1; i < finger_.size(); ++i)
-    hand = std::min(hand, finger_[i].Distance(point));
-  return hand;
+double TemplateSolid::ArmAndHand(const Eigen::Vector3d& point) const {
+  return WithDigits(
+      Arm(point), finger_, around_fingers_, tables_.blend.finger, point);
+}
+
+double TemplateSolid::WithDigits(double solid,
+                                 const std::array<Tube, 5>& digits,
+                                 const TubeBound& bound,
+                                 double blend,
+                                 const Eigen::Vector3d& point) const {
+  const double width = blend * stature_;
+  if (bound.Distance(point) > solid + width) return solid;
+  double nearest = digits[0].Distance(point);
+  for (size_t i = 1; i < digits.size(); ++i)
+    nearest = std::min(nearest, digits[i].Distance(point));
+  return SmoothMin(solid, nearest, width);
 }
 
 double TemplateSolid::Leg(const Eigen::Vector3d& point) const {
@@ -411,10 +432,7 @@ double TemplateSolid::Toe(int toe, const Eigen::Vector3d& point) const {
 double TemplateSolid::LegAndFoot(const Eigen::Vector3d& point) const {
   const TemplateBlend& blend = tables_.blend;
   if (point.y() > foot_top_) return Leg(point);
-  double toes = toe_[0].Distance(point);
-  for (size_t i = 1; i < toe_.size(); ++i)
-    toes = std::min(toes, toe_[i].Distance(point));
-  double foot = SmoothMin(Foot(point), toes, blend.toe * stature_);
+  double foot = WithDigits(Foot(point), toe_, around_toes_, blend.toe, point);
   // The floor flattens the sole.
   foot = -SmoothMin(-foot, point.y(), blend.sole * stature_);
   return SmoothMin(Leg(point), foot, blend.foot * stature_);
@@ -425,8 +443,8 @@ double TemplateSolid::Body(const Eigen::Vector3d& point) const {
   const Eigen::Vector3d left(std::abs(point.x()), point.y(), point.z());
   const Eigen::Vector3d right = Mirrored(left);
   // The arms are never near each other, the legs are near the mid plane.
-  const double arm = SmoothMin(Arm(left), Hand(left), blend.finger * stature_);
-  const double trunk = SmoothMin(Trunk(left), arm, blend.arm * stature_);
+  const double trunk =
+      SmoothMin(Trunk(left), ArmAndHand(left), blend.arm * stature_);
   if (left.y() > leg_top_) return trunk;
   double leg = LegAndFoot(left);
   if (left.x() < kLegsReach * stature_)

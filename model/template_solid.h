@@ -27,7 +27,7 @@ class TemplateSolid {
   // Parts of the left side (the trunk is whole).
   double Trunk(const Eigen::Vector3d& point) const;  // with neck and head
   double Arm(const Eigen::Vector3d& point) const;    // palm, without fingers
-  double Hand(const Eigen::Vector3d& point) const;   // fingers
+  double ArmAndHand(const Eigen::Vector3d& point) const;  // with fingers
   double Finger(int finger, const Eigen::Vector3d& point) const;
   double Leg(const Eigen::Vector3d& point) const;
   double Foot(const Eigen::Vector3d& point) const;  // without toes
@@ -71,6 +71,12 @@ class TemplateSolid {
   std::vector<StackSection> Scaled(const SectionTable& table,
                                    const std::string& part) const;
   void BuildDigits();
+  // The distance of a solid with fingers or toes blended to it.
+  double WithDigits(double solid,
+                    const std::array<Tube, 5>& digits,
+                    const TubeBound& bound,
+                    double blend,
+                    const Eigen::Vector3d& point) const;
   void BuildFeatures();
   // Places a point of a part's coordinates, scaled like the section there;
   // `scale` and the axes of the coordinates are returned.
@@ -93,6 +99,7 @@ class TemplateSolid {
   std::vector<Feature> trunk_features_, head_features_, arm_features_,
       leg_features_, foot_features_;
   std::array<Tube, 5> finger_, toe_;
+  TubeBound around_fingers_, around_toes_;
 };
 
 // Distance along the unit direction from `origin`, which is inside the solid,
