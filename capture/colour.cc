@@ -27,11 +27,16 @@ cv::Mat3f ToLinear(const cv::Mat3b& picture, const cv::Vec3d& gain) {
   return linear;
 }
 
-cv::Mat3f ToSmoothLab(const cv::Mat3f& linear) {
+cv::Mat3f Smooth(const cv::Mat3f& linear) {
   constexpr double kBlur = 0.7;  // px
+  cv::Mat3f smooth;
+  cv::GaussianBlur(linear, smooth, {5, 5}, kBlur, kBlur, cv::BORDER_REPLICATE);
+  return smooth;
+}
+
+cv::Mat3f ToLab(const cv::Mat3f& linear) {
   cv::Mat3f lab;
-  cv::GaussianBlur(linear, lab, {5, 5}, kBlur, kBlur, cv::BORDER_REPLICATE);
-  cv::cvtColor(lab, lab, cv::COLOR_LBGR2Lab);
+  cv::cvtColor(linear, lab, cv::COLOR_LBGR2Lab);
   return lab;
 }
 

@@ -9,8 +9,14 @@ namespace sweepfit {
 // clipped as a camera would), BGR 0..1.
 cv::Mat3f ToLinear(const cv::Mat3b& picture, const cv::Vec3d& gain = {1, 1, 1});
 
-// CIELAB of linear light after a blur against pixel noise (Gaussian, 0.7 px).
-cv::Mat3f ToSmoothLab(const cv::Mat3f& linear);
+// A blur against pixel noise (Gaussian, 0.7 px).
+cv::Mat3f Smooth(const cv::Mat3f& linear);
+
+// CIELAB of linear light.
+cv::Mat3f ToLab(const cv::Mat3f& linear);
+inline cv::Mat3f ToSmoothLab(const cv::Mat3f& linear) {
+  return ToLab(Smooth(linear));
+}
 
 // The colour by which linear light changes from `from` to `to` when only the
 // light on a surface changes: L + 16, a and b scale alike. Returns that factor

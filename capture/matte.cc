@@ -18,18 +18,39 @@ cv::Mat Disc(int radius) {
                                    {2 * radius + 1, 2 * radius + 1});
 }
 
-// Weighted means over a window; the weights fall to tiny ones where nothing
+// Weighted means over windows; the weights fall to tiny ones where nothing
 // better is near, so that thin limbs still have a colour.
-cv::Mat3f LocalMean(const cv::Mat3f& image,
-                    const cv::Mat1f& weight,
-                    int window) {
-  cv::Mat3f weights;
-  cv::merge(std::vector<cv::Mat1f>{weight, weight, weight}, weights);
-  cv::Mat3f sum, norm;
-  cv::boxFilter(image.mul(weights), sum, CV_32F, {window, window});
-  cv::boxFilter(weights, norm, CV_32F, {window, window});
-  return sum / (norm + cv::Scalar::all(1e-12));
-}
+class LocalMeans {
+ public:
+  explicit LocalMeans(const cv::Mat1f& weight) : weight_(weight) {
+    cv::boxFilter(weight, norm_, CV_32F, kWindow);
+  }
+
+  // The sums of an image that At divides.
+  cv::Mat3f Sums(const cv::Mat3f& image) const {
+    cv::Mat3f weighted(image.size());
+    for (int y = 0; y < image.rows; ++y) {
+      for (int x = 0; x < image.cols; ++x) {
+        weighted(y, x) = weight_(y, x) * image(y, x);
+      }
+    }
+    cv::Mat3f sums;
+    cv::boxFilter(weighted, sums, CV_32F, kWindow);
+    return sums;
+  }
+
+  cv::Vec3f At(const cv::Mat3f& sums, int y, int x) const {
+    const float norm = norm_(y, x) + 1e-12f;
+    const cv::Vec3f& sum = sums(y, x);
+    return {sum[0] / norm, sum[1] / norm, sum[2] / norm};
+  }
+
+ private:
+  static inline const cv::Size kWindow{9, 9};
+
+  cv::Mat1f weight_;
+  cv::Mat1f norm_;
+};
 
 // 1 well inside the mask, falling to tiny values towards its boundary and 0
 // beyond it.
@@ -64,19 +85,16 @@ cv::Mat1b HalfCovered(const cv::Mat1b& mask, cv::Mat1b* inner) {
 cv::Mat1f Mix(const cv::Mat3f& picture,
               const cv::Mat3f& background,
               const cv::Mat1b& mask) {
-  constexpr int kWindow = 9;
   constexpr float kDarkestRatio = 0.3f, kBrightestRatio = 1.3f;
   // The rim turns away from the light: it differs more than its surroundings.
   constexpr float kAtRim = 10;
   const cv::Mat1b outside = mask == 0;
-  const cv::Mat1f inside_weight = CoreWeight(mask);
-  const cv::Mat3f person = LocalMean(picture, inside_weight, kWindow);
-  const cv::Mat3f person_square =
-      LocalMean(picture.mul(picture), inside_weight, kWindow);
-  const cv::Mat1f outside_weight = CoreWeight(outside);
-  const cv::Mat3f picture_outside = LocalMean(picture, outside_weight, kWindow);
-  const cv::Mat3f background_outside =
-      LocalMean(background, outside_weight, kWindow);
+  const LocalMeans inside_means(CoreWeight(mask));
+  const cv::Mat3f person_sums = inside_means.Sums(picture);
+  const cv::Mat3f person_square_sums = inside_means.Sums(picture.mul(picture));
+  const LocalMeans outside_means(CoreWeight(outside));
+  const cv::Mat3f picture_sums = outside_means.Sums(picture);
+  const cv::Mat3f background_sums = outside_means.Sums(background);
   cv::Mat1b inner, grown, shrunk;
   cv::Mat1f prior;
   HalfCovered(mask, &inner).convertTo(prior, CV_32F, 1.0 / 255);
@@ -91,16 +109,20 @@ cv::Mat1f Mix(const cv::Mat3f& picture,
         alpha(y, x) = shrunk(y, x) ? 1.f : 0.f;
         continue;
       }
+      const cv::Vec3f person = inside_means.At(person_sums, y, x);
+      const cv::Vec3f person_square = inside_means.At(person_square_sums, y, x);
+      const cv::Vec3f picture_outside = outside_means.At(picture_sums, y, x);
+      const cv::Vec3f background_outside =
+          outside_means.At(background_sums, y, x);
       float along = 0, contrast = 0, brightness = 0;
       cv::Vec3f direction;
       for (int c = 0; c < 3; ++c) {
-        const float ratio =
-            std::clamp((picture_outside(y, x)[c] + 1e-3f) /
-                           (background_outside(y, x)[c] + 1e-3f),
-                       kDarkestRatio,
-                       kBrightestRatio);
+        const float ratio = std::clamp(
+            (picture_outside[c] + 1e-3f) / (background_outside[c] + 1e-3f),
+            kDarkestRatio,
+            kBrightestRatio);
         const float b = background(y, x)[c] * ratio;
-        const float f = person(y, x)[c];
+        const float f = person[c];
         direction[c] = f - b;
         along += (picture(y, x)[c] - b) * (f - b);
         contrast += (f - b) * (f - b);
@@ -109,8 +131,8 @@ cv::Mat1f Mix(const cv::Mat3f& picture,
       // Noise, and shading and texture of the person along the mixture.
       float spread = 0;
       for (int c = 0; c < 3; ++c) {
-        const float f = person(y, x)[c];
-        const float variance = std::max(0.f, person_square(y, x)[c] - f * f);
+        const float f = person[c];
+        const float variance = std::max(0.f, person_square[c] - f * f);
         spread += std::abs(direction[c]) * std::sqrt(variance);
       }
       const float sigma = 0.004f + 0.15f * brightness;

@@ -47,35 +47,22 @@ cv::Mat1b Select(const Components& components,
   return mask;
 }
 
-// Pixels above `grow` that hang together with one above `seed`.
-cv::Mat1b Hysteresis(const cv::Mat1f& ratio, double seed, double grow) {
-  cv::Mat1b low = ratio > grow;
-  cv::medianBlur(low, low, 3);
-  const Components components = FindComponents(low);
-  std::vector<std::uint8_t> value(components.count, 0);
-  for (int y = 0; y < ratio.rows; ++y) {
-    const float* row = ratio[y];
-    const int* label = components.label[y];
-    for (int x = 0; x < ratio.cols; ++x) {
-      if (row[x] > seed) value[label[x]] = 255;
-    }
-  }
-  value[0] = 0;
-  return Select(components, value);
-}
-
 int BoxDistance(const cv::Rect& a, const cv::Rect& b) {
   const int dx = std::max({0, a.x - b.br().x, b.x - a.br().x});
   const int dy = std::max({0, a.y - b.br().y, b.y - a.br().y});
   return std::max(dx, dy);
 }
 
-// The largest component, and those within `near` of its height.
-cv::Mat1b KeepPerson(const cv::Mat1b& mask, double near, double* stray) {
+// The largest component of those with a value, and those within `near` of its
+// height.
+cv::Mat1b KeepPerson(const Components& components,
+                     const std::vector<std::uint8_t>& has_value,
+                     double near,
+                     double* stray) {
   constexpr double kSmallestShare = 0.005;
-  const Components components = FindComponents(mask);
   int largest = 0;
   for (int i = 1; i < components.count; ++i) {
+    if (!has_value[i]) continue;
     if (largest == 0 || components.Area(i) > components.Area(largest)) {
       largest = i;
     }
@@ -86,6 +73,7 @@ cv::Mat1b KeepPerson(const cv::Mat1b& mask, double near, double* stray) {
   const cv::Rect person = components.Box(largest);
   const double area = components.Area(largest);
   for (int i = 1; i < components.count; ++i) {
+    if (!has_value[i]) continue;
     if (i == largest || (components.Area(i) > kSmallestShare * area &&
                          BoxDistance(components.Box(i), person) <=
                              near * std::max(person.width, person.height))) {
@@ -95,6 +83,27 @@ cv::Mat1b KeepPerson(const cv::Mat1b& mask, double near, double* stray) {
     }
   }
   return Select(components, value);
+}
+
+// The person among the pixels above `grow` that hang together with one above
+// `seed`.
+cv::Mat1b PersonAbove(const cv::Mat1f& ratio,
+                      double seed,
+                      double grow,
+                      double near,
+                      double* stray) {
+  cv::Mat1b low = ratio > grow;
+  cv::medianBlur(low, low, 3);
+  const Components components = FindComponents(low);
+  std::vector<std::uint8_t> has_seed(components.count, 0);
+  for (int y = 0; y < ratio.rows; ++y) {
+    const float* row = ratio[y];
+    const int* label = components.label[y];
+    for (int x = 0; x < ratio.cols; ++x) {
+      if (row[x] > seed) has_seed[label[x]] = 1;
+    }
+  }
+  return KeepPerson(components, has_seed, near, stray);
 }
 
 cv::Mat Disc(int radius) {
@@ -317,7 +326,8 @@ class Cut {
 
 // The components of `mask` that touch `core`.
 cv::Mat1b Touching(const cv::Mat1b& mask, const cv::Mat1b& core) {
-  const Components components = FindComponents(mask);
+  Components components;
+  components.count = cv::connectedComponents(mask, components.label, 8, CV_32S);
   std::vector<std::uint8_t> value(components.count, 0);
   for (int y = 0; y < mask.rows; ++y) {
     const int* label = components.label[y];
@@ -389,11 +399,11 @@ cv::Mat1b RoughPerson(const BackgroundEvidence& evidence,
                       const SegmentOptions& options) {
   constexpr double kInDoubt = 5;  // ln units
   constexpr double kNear = 0.25;
-  return KeepPerson(Hysteresis(EvenRatio(evidence),
-                               options.seed_ratio,
-                               options.grow_ratio - kInDoubt),
-                    kNear,
-                    nullptr);
+  return PersonAbove(EvenRatio(evidence),
+                     options.seed_ratio,
+                     options.grow_ratio - kInDoubt,
+                     kNear,
+                     nullptr);
 }
 
 cv::Mat1b PersonMask(const BackgroundEvidence& evidence,
@@ -403,10 +413,8 @@ cv::Mat1b PersonMask(const BackgroundEvidence& evidence,
   constexpr int kPasses = 2;
   constexpr float kCertain = 4;
   const cv::Mat1f even_ratio = EvenRatio(evidence);
-  cv::Mat1b mask =
-      KeepPerson(Hysteresis(even_ratio, options.seed_ratio, options.grow_ratio),
-                 kNear,
-                 stray);
+  cv::Mat1b mask = PersonAbove(
+      even_ratio, options.seed_ratio, options.grow_ratio, kNear, stray);
   cv::Mat1f ratio = even_ratio;
   cv::Mat1b certain;
   for (int pass = 0; pass < kPasses; ++pass) {
@@ -414,12 +422,15 @@ cv::Mat1b PersonMask(const BackgroundEvidence& evidence,
     certain &= mask;
     cv::erode(certain, certain, Disc(1));
     ratio = PersonRatio(evidence, even_ratio, certain);
-    mask = KeepPerson(Hysteresis(ratio, options.seed_ratio, options.grow_ratio),
-                      kNear,
-                      nullptr);
+    mask = PersonAbove(
+        ratio, options.seed_ratio, options.grow_ratio, kNear, nullptr);
   }
   Cut(evidence, ratio, Uncertain(mask, ratio), options, &mask).Solve();
-  return KeepPerson(mask, kNear, nullptr);
+  const Components components = FindComponents(mask);
+  return KeepPerson(components,
+                    std::vector<std::uint8_t>(components.count, 1),
+                    kNear,
+                    nullptr);
 }
 
 }  // namespace sweepfit

@@ -311,16 +311,10 @@ BackgroundEvidence PlateEvidence(const cv::Mat3f& picture_linear,
                                  const std::vector<float>& at_feet,
                                  const SegmentOptions& options) {
   CHECK_EQ(at_feet.size(), static_cast<std::size_t>(picture_linear.rows));
-  constexpr double kPlateBlur = 0.7;  // px: a single plate has noise of its own
   BackgroundEvidence result;
-  const cv::Mat3f plate_linear = ToLinear(plate.picture, gain);
-  const cv::Mat3f plate_lab = ToSmoothLab(plate_linear);
-  cv::GaussianBlur(plate_linear,
-                   result.background_linear,
-                   {5, 5},
-                   kPlateBlur,
-                   kPlateBlur,
-                   cv::BORDER_REPLICATE);
+  // A single plate has noise of its own.
+  result.background_linear = Smooth(ToLinear(plate.picture, gain));
+  const cv::Mat3f plate_lab = ToLab(result.background_linear);
   result.lab = ToSmoothLab(picture_linear);
   result.change = result.lab - plate_lab;
   const PlateNoise noise =

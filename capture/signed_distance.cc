@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <opencv2/core.hpp>
+#include <opencv2/core/hal/intrin.hpp>
 
 #include "capture/silhouette.h"
 
@@ -19,8 +20,11 @@ using Polyline = std::vector<Eigen::Vector2d>;
 class NearestContourPoint {
  public:
   NearestContourPoint(int width, int height)
-      : foot_(height, width, cv::Vec2f(0, 0)),
-        squared_(height, width, std::numeric_limits<float>::infinity()) {}
+      : width_(width),
+        height_(height),
+        foot_x_(height, width + kLeft + kLanes, kNone),
+        foot_y_(foot_x_.clone()),
+        squared_(foot_x_.clone()) {}
 
   // Enters a piece of the contour into the pixels around it.
   void AddSegment(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
@@ -37,59 +41,109 @@ class NearestContourPoint {
         const double s =
             std::clamp((p - a).dot(along) / squared_length, 0.0, 1.0);
         const Eigen::Vector2d foot = a + s * along;
-        Offer(x,
-              y,
-              cv::Vec2f(static_cast<float>(foot.x()),
-                        static_cast<float>(foot.y())));
+        RowOf(y).Offer(
+            x, static_cast<float>(foot.x()), static_cast<float>(foot.y()));
       }
     }
   }
 
   void Spread() {
-    for (int y = 0; y < foot_.rows; ++y) SpreadRow(y, y - 1);
-    for (int y = foot_.rows - 1; y >= 0; --y) SpreadRow(y, y + 1);
+    for (int y = 0; y < height_; ++y) SpreadRow(y, y - 1);
+    for (int y = height_ - 1; y >= 0; --y) SpreadRow(y, y + 1);
   }
 
   // Infinite where there is no contour at all.
-  float Distance(int x, int y) const { return std::sqrt(squared_(y, x)); }
+  float Distance(int x, int y) const {
+    return std::sqrt(squared_(y, kLeft + x));
+  }
 
  private:
+  static constexpr float kNone = std::numeric_limits<float>::infinity();
+  // Pixels beside the picture, without a foot point, so that those at its sides
+  // have neighbours, and whole lanes.
+  static constexpr int kLeft = 1;
+  static constexpr int kLanes = cv::v_float32x4::nlanes;
+
+  // One row of pixels; x = 0 is the first of the picture.
+  struct Row {
+    float y;
+    float* foot_x;
+    float* foot_y;
+    float* squared;
+
+    void Offer(int x, float at_x, float at_y) const {
+      const float dx = at_x - static_cast<float>(x);
+      const float dy = at_y - y;
+      const float distance = dx * dx + dy * dy;
+      if (distance < squared[x]) {
+        squared[x] = distance;
+        foot_x[x] = at_x;
+        foot_y[x] = at_y;
+      }
+    }
+  };
+
+  Row RowOf(int y) {
+    return {static_cast<float>(y),
+            foot_x_[y] + kLeft,
+            foot_y_[y] + kLeft,
+            squared_[y] + kLeft};
+  }
+
   int ClampX(double x) const {
-    return static_cast<int>(std::clamp(x, 0.0, foot_.cols - 1.0));
+    return static_cast<int>(std::clamp(x, 0.0, width_ - 1.0));
   }
   int ClampY(double y) const {
-    return static_cast<int>(std::clamp(y, 0.0, foot_.rows - 1.0));
-  }
-
-  void Offer(int x, int y, const cv::Vec2f& foot) {
-    const float dx = foot[0] - static_cast<float>(x);
-    const float dy = foot[1] - static_cast<float>(y);
-    const float squared = dx * dx + dy * dy;
-    if (squared < squared_(y, x)) {
-      squared_(y, x) = squared;
-      foot_(y, x) = foot;
-    }
-  }
-
-  void OfferFrom(int x, int y, int neighbour_x, int neighbour_y) {
-    if (std::isinf(squared_(neighbour_y, neighbour_x))) return;
-    Offer(x, y, foot_(neighbour_y, neighbour_x));
+    return static_cast<int>(std::clamp(y, 0.0, height_ - 1.0));
   }
 
   void SpreadRow(int y, int previous_y) {
-    const int last = foot_.cols - 1;
-    if (previous_y >= 0 && previous_y < foot_.rows) {
-      for (int x = 0; x <= last; ++x) {
-        if (x > 0) OfferFrom(x, y, x - 1, previous_y);
-        OfferFrom(x, y, x, previous_y);
-        if (x < last) OfferFrom(x, y, x + 1, previous_y);
-      }
+    const Row row = RowOf(y);
+    if (previous_y >= 0 && previous_y < height_) {
+      SpreadAcross(RowOf(previous_y), row);
     }
-    for (int x = 1; x <= last; ++x) OfferFrom(x, y, x - 1, y);
-    for (int x = last - 1; x >= 0; --x) OfferFrom(x, y, x + 1, y);
+    const int last = width_ - 1;
+    for (int x = 1; x <= last; ++x) {
+      row.Offer(x, row.foot_x[x - 1], row.foot_y[x - 1]);
+    }
+    for (int x = last - 1; x >= 0; --x) {
+      row.Offer(x, row.foot_x[x + 1], row.foot_y[x + 1]);
+    }
   }
 
-  cv::Mat2f foot_;
+  // Offers what a row and its neighbours to either side know to the next row.
+  void SpreadAcross(const Row& from, const Row& to) const {
+    const cv::v_float32x4 y = cv::v_setall_f32(to.y);
+    cv::v_float32x4 x(0, 1, 2, 3);
+    for (int first = 0; first < width_; first += kLanes) {
+      cv::v_float32x4 foot_x = cv::v_load(to.foot_x + first);
+      cv::v_float32x4 foot_y = cv::v_load(to.foot_y + first);
+      cv::v_float32x4 squared = cv::v_load(to.squared + first);
+      for (int side = -1; side <= 1; ++side) {
+        const cv::v_float32x4 at_x = cv::v_load(from.foot_x + first + side);
+        const cv::v_float32x4 at_y = cv::v_load(from.foot_y + first + side);
+        const cv::v_float32x4 dx = at_x - x;
+        const cv::v_float32x4 dy = at_y - y;
+        const cv::v_float32x4 distance = dx * dx + dy * dy;
+        const cv::v_float32x4 nearer = distance < squared;
+        foot_x = cv::v_select(nearer, at_x, foot_x);
+        foot_y = cv::v_select(nearer, at_y, foot_y);
+        squared = cv::v_select(nearer, distance, squared);
+      }
+      cv::v_store(to.foot_x + first, foot_x);
+      cv::v_store(to.foot_y + first, foot_y);
+      cv::v_store(to.squared + first, squared);
+      x += cv::v_setall_f32(kLanes);
+    }
+    // The lanes beyond the picture.
+    for (int i = width_; i < width_ + kLanes; ++i) {
+      to.foot_x[i] = to.foot_y[i] = to.squared[i] = kNone;
+    }
+  }
+
+  int width_, height_;
+  // Infinite where none is known.
+  cv::Mat1f foot_x_, foot_y_;
   cv::Mat1f squared_;
 };
 
