@@ -168,6 +168,12 @@ RigidMotion NearestMotion(const std::vector<int>& vertices,
   return {rotation, to_mean - rotation * from_mean};
 }
 
+bool RideOnSkin(const std::vector<HelperJoint>& helpers) {
+  return std::any_of(helpers.begin(), helpers.end(), [](const HelperJoint& h) {
+    return !h.skin.empty();
+  });
+}
+
 }  // namespace
 
 std::vector<HelperJoint> MakeHelperJoints(const Body& body) {
@@ -262,22 +268,37 @@ JointMotions::JointMotions(const Body& body,
       helpers_(helpers),
       rest_(RestFrames(body.skeleton)),
       rest_axes_(MakeAxes(body, rest_)) {
-  for (const HelperJoint& helper : helpers) {
-    if (!helper.skin.empty() && !deformer_) deformer_.emplace(body);
-  }
+  if (!RideOnSkin(helpers)) return;
+  own_deformer_ = std::make_unique<BodyDeformer>(body);
+  deformer_ = own_deformer_.get();
 }
 
+JointMotions::JointMotions(const Body& body,
+                           const std::vector<HelperJoint>& helpers,
+                           const BodyDeformer& deformer)
+    : body_(body),
+      helpers_(helpers),
+      rest_(RestFrames(body.skeleton)),
+      rest_axes_(MakeAxes(body, rest_)),
+      deformer_(RideOnSkin(helpers) ? &deformer : nullptr) {}
+
 std::vector<RigidMotion> JointMotions::At(const Pose& pose) const {
+  return At(pose,
+            deformer_ != nullptr ? deformer_->Vertices(pose)
+                                 : std::vector<Eigen::Vector3d>());
+}
+
+std::vector<RigidMotion> JointMotions::At(
+    const Pose& pose,
+    const std::vector<Eigen::Vector3d>& vertices_in_world) const {
   std::vector<RigidMotion> motions = AtWithoutHelpers(pose);
   if (helpers_.empty()) return motions;
   const std::vector<SweepAxis> axes =
       MakeAxes(body_, ForwardKinematics(body_.skeleton, pose));
-  std::vector<Eigen::Vector3d> vertices;
-  if (deformer_) vertices = deformer_->Vertices(pose);
   for (std::size_t h = 0; h < helpers_.size(); ++h) {
     if (!helpers_[h].skin.empty()) {
-      motions[kNumJoints + h] =
-          NearestMotion(helpers_[h].skin, deformer_->rest_vertices(), vertices);
+      motions[kNumJoints + h] = NearestMotion(
+          helpers_[h].skin, deformer_->rest_vertices(), vertices_in_world);
       continue;
     }
     MotionBlend blend;

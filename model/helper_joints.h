@@ -2,7 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <optional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -60,8 +60,16 @@ class JointMotions {
  public:
   // Keeps pointers to both.
   JointMotions(const Body& body, const std::vector<HelperJoint>& helpers);
+  // With the deformer of the body, which is kept too, instead of one more.
+  JointMotions(const Body& body,
+               const std::vector<HelperJoint>& helpers,
+               const BodyDeformer& deformer);
 
   std::vector<RigidMotion> At(const Pose& pose) const;
+  // The same where the vertices of the body in that posture are known.
+  std::vector<RigidMotion> At(
+      const Pose& pose,
+      const std::vector<Eigen::Vector3d>& vertices_in_world) const;
   // Helpers left at rest: they follow the joints they hang on.
   std::vector<RigidMotion> AtWithoutHelpers(const Pose& pose) const;
 
@@ -70,7 +78,8 @@ class JointMotions {
   const std::vector<HelperJoint>& helpers_;
   JointFrames rest_;
   std::vector<SweepAxis> rest_axes_;
-  std::optional<BodyDeformer> deformer_;  // where a helper rides on the skin
+  std::unique_ptr<const BodyDeformer> own_deformer_;
+  const BodyDeformer* deformer_ = nullptr;  // where a helper rides on the skin
 };
 
 }  // namespace sweepfit

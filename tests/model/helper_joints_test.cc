@@ -195,6 +195,23 @@ TEST(HelperJoints, RideOnTheSkinOfAFold) {
   EXPECT_GE(pressed, 3);
 }
 
+TEST(HelperJoints, MoveTheSameWithVerticesThatAreKnown) {
+  const std::vector<HelperJoint> helpers = MakeHelperJoints(Person());
+  const JointMotions own(Person(), helpers);
+  const JointMotions shared(Person(), helpers, Deformer());
+  Pose bent;
+  bent.rotation[kLKnee] =
+      JointLimits(Person().skeleton).Rotation(kLKnee, {70 * kDegree, 0, 0});
+  const std::vector<RigidMotion> expected = own.At(bent);
+  const std::vector<RigidMotion> found =
+      shared.At(bent, Deformer().Vertices(bent));
+  ASSERT_EQ(found.size(), expected.size());
+  for (std::size_t j = 0; j < found.size(); ++j) {
+    EXPECT_EQ(found[j].rotation, expected[j].rotation) << j;
+    EXPECT_EQ(found[j].translation, expected[j].translation) << j;
+  }
+}
+
 // The bake of `model.glb`, measured on postures that it was not fitted to. The
 // seeds have arms across the chest, which closes the armpit, and deep bends of
 // the waist.
