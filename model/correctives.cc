@@ -21,17 +21,19 @@ constexpr double kMinDeterminant = 0.02;
 // Evaluates one clip's keys.
 class ClipSkin {
  public:
-  ClipSkin(const Body& body, const SkinWeights& weights)
+  ClipSkin(const Body& body,
+           const BodyDeformer& deformer,
+           const SkinWeights& weights)
       : weights_(weights),
-        deformer_(body),
-        motions_(body, weights.helpers),
+        deformer_(deformer),
+        motions_(body, weights.helpers, deformer_),
         num_(body.num_vertices()) {}
 
   int num_vertices() const { return num_; }
 
   void Set(const Pose& pose) {
     wanted_ = deformer_.Vertices(pose);
-    const std::vector<RigidMotion> motions = motions_.At(pose);
+    const std::vector<RigidMotion> motions = motions_.At(pose, wanted_);
     skinned_ = SkinVertices(deformer_.rest_vertices(), weights_, motions);
     linear_.resize(num_);
     for (int v = 0; v < num_; ++v) {
@@ -70,7 +72,7 @@ class ClipSkin {
 
  private:
   const SkinWeights& weights_;
-  BodyDeformer deformer_;
+  const BodyDeformer& deformer_;
   JointMotions motions_;
   int num_;
   std::vector<Eigen::Vector3d> wanted_, skinned_;
@@ -119,11 +121,12 @@ std::vector<Eigen::Vector3d> Unstacked(const VectorXd& stacked) {
 }  // namespace
 
 Correctives BakeCorrectives(const Body& body,
+                            const BodyDeformer& deformer,
                             const SkinWeights& weights,
                             const std::vector<Pose>& keys,
                             const CorrectiveOptions& options) {
   CHECK(!keys.empty());
-  ClipSkin skin(body, weights);
+  ClipSkin skin(body, deformer, weights);
   const MatrixXd components = Components(keys, options, &skin);
   const int num_components = static_cast<int>(components.cols());
 

@@ -31,8 +31,9 @@ struct Correctives {
 };
 
 // The offsets delta = (sum_b w_b R_b)^-1 (x_sweep - x_skinned) of all keys are
-// projected on their principal components.
+// projected on their principal components. `deformer` is that of the body.
 Correctives BakeCorrectives(const Body& body,
+                            const BodyDeformer& deformer,
                             const SkinWeights& weights,
                             const std::vector<Pose>& keys,
                             const CorrectiveOptions& options);

@@ -435,10 +435,15 @@ class AnimationWriter {
  public:
   AnimationWriter(const Body& body,
                   const std::vector<HelperJoint>& helpers,
+                  const JointMotions& joint_motions,
                   const Clip& clip,
                   const std::string& path,
                   Buffer* buffer)
-      : body_(body), helpers_(helpers), clip_(clip), buffer_(buffer) {
+      : body_(body),
+        helpers_(helpers),
+        joint_motions_(joint_motions),
+        clip_(clip),
+        buffer_(buffer) {
     animation_.name = clip.name;
     times_ = buffer->Add(KeyTimes(clip, path),
                          TINYGLTF_COMPONENT_TYPE_FLOAT,
@@ -469,10 +474,9 @@ class AnimationWriter {
   void AddHelpers() {
     if (helpers_.empty()) return;
     const JointFrames rest = RestFrames(body_.skeleton);
-    const JointMotions joint_motions(body_, helpers_);
     std::vector<std::vector<RigidMotion>> motions;
     for (const Pose& pose : clip_.pose)
-      motions.push_back(joint_motions.At(pose));
+      motions.push_back(joint_motions_.At(pose));
     for (std::size_t h = 0; h < helpers_.size(); ++h) {
       const HelperJoint& helper = helpers_[h];
       std::vector<float> rotations, translations;
@@ -539,6 +543,7 @@ class AnimationWriter {
 
   const Body& body_;
   const std::vector<HelperJoint>& helpers_;
+  const JointMotions& joint_motions_;
   const Clip& clip_;
   Buffer* buffer_;
   tinygltf::Animation animation_;
@@ -559,6 +564,7 @@ tinygltf::Value TargetNames(const std::vector<Clip>& clips,
 }
 
 tinygltf::Model BuildModel(const Body& body,
+                           const BodyDeformer& deformer,
                            const SkinWeights& weights,
                            const std::vector<Clip>& clips,
                            const std::vector<Correctives>& correctives,
@@ -596,8 +602,10 @@ tinygltf::Model BuildModel(const Body& body,
 
   AddMaterial(options.texture_png, &buffer, &model);
   std::size_t first_target = 0;
+  const JointMotions joint_motions(body, weights.helpers, deformer);
   for (std::size_t c = 0; c < clips.size(); ++c) {
-    AnimationWriter writer(body, weights.helpers, clips[c], path, &buffer);
+    AnimationWriter writer(
+        body, weights.helpers, joint_motions, clips[c], path, &buffer);
     writer.AddJoints();
     writer.AddHelpers();
     if (!correctives.empty()) {
@@ -620,13 +628,14 @@ std::vector<ClipReport> SaveGlb(const Body& body,
   CHECK_EQ(weights.joint.size(), body.binding.size());
   CHECK_EQ(weights.weight.size(), body.binding.size());
   CHECK_EQ(body.topology.uv.size(), body.topology.quads.size());
+  const BodyDeformer deformer(body);
   std::vector<Correctives> correctives;
   std::vector<ClipReport> reports;
   for (const Clip& clip : clips) {
     KeyTimes(clip, path);  // bad clips are told before work is done for them
     if (!options.correctives) continue;
-    correctives.push_back(
-        BakeCorrectives(body, weights, clip.pose, CorrectiveOptions()));
+    correctives.push_back(BakeCorrectives(
+        body, deformer, weights, clip.pose, CorrectiveOptions()));
     const Correctives& c = correctives.back();
     reports.push_back({clip.name,
                        static_cast<int>(c.target.size()),
@@ -636,7 +645,7 @@ std::vector<ClipReport> SaveGlb(const Body& body,
                        c.max_with});
   }
   const tinygltf::Model model =
-      BuildModel(body, weights, clips, correctives, options, path);
+      BuildModel(body, deformer, weights, clips, correctives, options, path);
   std::ostringstream stream;
   tinygltf::TinyGLTF writer;
   if (!writer.WriteGltfSceneToStream(
