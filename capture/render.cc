@@ -5,7 +5,7 @@
 #include <glog/logging.h>
 #include <tbb/parallel_for.h>
 
-#include <Eigen/Geometry>
+#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -175,44 +175,97 @@ double Decode(double code) {
   return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
 }
 
-// What one camera ray sees, linear BGR.
+std::array<float, 256> DecodingTable() {
+  std::array<float, 256> table;
+  for (int code = 0; code < 256; ++code) {
+    table[code] = static_cast<float>(Decode(code));
+  }
+  return table;
+}
+
+// Linear colours of the vertices.
+std::vector<cv::Vec3f> Decoded(const std::vector<cv::Vec3b>& vertex_color,
+                               size_t num_vertices) {
+  static const std::array<float, 256> table = DecodingTable();
+  constexpr std::uint8_t kPlainGrey = 200;
+  if (vertex_color.empty()) {
+    const float grey = table[kPlainGrey];
+    return std::vector<cv::Vec3f>(num_vertices, {grey, grey, grey});
+  }
+  std::vector<cv::Vec3f> linear;
+  linear.reserve(num_vertices);
+  for (const cv::Vec3b& color : vertex_color) {
+    linear.emplace_back(table[color[0]], table[color[1]], table[color[2]]);
+  }
+  return linear;
+}
+
+// What the rays of a camera meet, and how bright it is there.
 class Shader {
  public:
-  Shader(const TriangleMesh& mesh, const std::vector<cv::Vec3b>& vertex_color)
-      : mesh_(mesh),
-        vertex_color_(vertex_color),
-        normals_(VertexNormals(mesh)),
-        scene_(mesh) {}
+  explicit Shader(const TriangleMesh& mesh)
+      : mesh_(mesh), normals_(VertexNormals(mesh)), scene_(mesh) {}
 
-  cv::Vec3d Shade(const Eigen::Vector3d& origin,
-                  const Eigen::Vector3d& direction) const {
+  struct Spot {
+    int triangle = -1;                   // -1: the background
+    std::array<float, 3> light_share{};  // light times barycentric weight
+  };
+  Spot Shade(const Eigen::Vector3d& origin,
+             const Eigen::Vector3d& direction) const {
     const RayScene::Hit hit = scene_.Intersect(origin, direction);
-    if (hit.triangle < 0) return {1, 1, 1};
+    if (hit.triangle < 0) return {};
     const Triangle& t = mesh_.triangles[hit.triangle];
     const std::array<double, 3> b = {1 - hit.b1 - hit.b2, hit.b1, hit.b2};
     Eigen::Vector3d normal = Eigen::Vector3d::Zero();
-    cv::Vec3d color(0, 0, 0);
-    for (int i = 0; i < 3; ++i) {
-      normal += b[i] * normals_[t[i]];
-      for (int c = 0; c < 3; ++c) {
-        constexpr double kPlainGrey = 200;
-        color[c] +=
-            b[i] *
-            Decode(vertex_color_.empty() ? kPlainGrey : vertex_color_[t[i]][c]);
-      }
-    }
+    for (int i = 0; i < 3; ++i) normal += b[i] * normals_[t[i]];
+    normal.normalize();
     // Soft light from the camera with a little from above.
-    const double facing = std::abs(normal.normalized().dot(direction));
-    const double from_above = 0.5 + 0.5 * normal.normalized().y();
-    return color * (0.15 + 0.65 * facing + 0.2 * from_above);
+    const double facing = std::abs(normal.dot(direction));
+    const double from_above = 0.5 + 0.5 * normal.y();
+    const double light = 0.15 + 0.65 * facing + 0.2 * from_above;
+    Spot spot{hit.triangle, {}};
+    for (int i = 0; i < 3; ++i) {
+      spot.light_share[i] = static_cast<float>(light * b[i]);
+    }
+    return spot;
+  }
+
+  cv::Vec3f Color(const Spot& spot,
+                  const std::vector<cv::Vec3f>& linear_color) const {
+    if (spot.triangle < 0) return {1, 1, 1};
+    const Triangle& t = mesh_.triangles[spot.triangle];
+    cv::Vec3f color(0, 0, 0);
+    for (int i = 0; i < 3; ++i) {
+      color += spot.light_share[i] * linear_color[t[i]];
+    }
+    return color;
   }
 
  private:
   const TriangleMesh& mesh_;
-  const std::vector<cv::Vec3b>& vertex_color_;
   std::vector<Eigen::Vector3d> normals_;
   RayScene scene_;
 };
+
+// The pixels that the mesh may cover; all where it reaches behind the camera or
+// the picture is distorted.
+cv::Rect BoxOf(const Camera& camera, const TriangleMesh& mesh) {
+  const cv::Rect frame(0, 0, camera.width, camera.height);
+  if (camera.HasDistortion()) return frame;
+  Eigen::AlignedBox2d box;
+  for (const Eigen::Vector3d& vertex : mesh.vertices) {
+    if (camera.PointInCamera(vertex).z() < kNear) return frame;
+    box.extend(camera.ProjectPinhole(vertex));
+  }
+  if (box.isEmpty()) return {};
+  const Eigen::Array2d size(camera.width, camera.height);
+  const Eigen::Array2d low = (box.min().array() - 1).max(0).min(size);
+  const Eigen::Array2d high = (box.max().array() + 2).max(0).min(size);
+  return cv::Rect(
+      cv::Point(static_cast<int>(low.x()), static_cast<int>(low.y())),
+      cv::Point(static_cast<int>(std::ceil(high.x())),
+                static_cast<int>(std::ceil(high.y()))));
+}
 
 }  // namespace
 
@@ -242,27 +295,52 @@ cv::Mat1f RenderCoverage(const Camera& camera,
 cv::Mat3b RenderShaded(const Camera& camera,
                        const TriangleMesh& mesh,
                        const std::vector<cv::Vec3b>& vertex_color) {
-  CHECK(vertex_color.empty() || vertex_color.size() == mesh.vertices.size());
+  return RenderColorings(camera, mesh, {vertex_color}).front();
+}
+
+std::vector<cv::Mat3b> RenderColorings(
+    const Camera& camera,
+    const TriangleMesh& mesh,
+    const std::vector<std::vector<cv::Vec3b>>& vertex_colors) {
   constexpr int kSamples = 2;  // along each axis of a pixel
-  const Shader shader(mesh, vertex_color);
+  const size_t num = vertex_colors.size();
+  std::vector<std::vector<cv::Vec3f>> linear;
+  std::vector<cv::Mat3b> pictures;
+  for (const std::vector<cv::Vec3b>& color : vertex_colors) {
+    CHECK(color.empty() || color.size() == mesh.vertices.size());
+    linear.push_back(Decoded(color, mesh.vertices.size()));
+    pictures.emplace_back(
+        camera.height, camera.width, cv::Vec3b(255, 255, 255));
+  }
+  const Shader shader(mesh);
   const Eigen::Vector3d origin = camera.CenterInWorld();
-  cv::Mat3b picture(camera.height, camera.width);
-  tbb::parallel_for(0, camera.height, [&](int y) {
-    for (int x = 0; x < camera.width; ++x) {
-      cv::Vec3d sum(0, 0, 0);
-      for (int j = 0; j < kSamples; ++j) {
-        for (int i = 0; i < kSamples; ++i) {
-          const Eigen::Vector2d pixel(x + (i + 0.5) / kSamples - 0.5,
-                                      y + (j + 0.5) / kSamples - 0.5);
-          sum +=
-              shader.Shade(origin, camera.RayInWorld(camera.Undistort(pixel)));
-        }
+  const Eigen::Matrix3d ray_by_pixel =
+      camera.camera_from_world.transpose() * camera.K.inverse();
+  const cv::Rect box = BoxOf(camera, mesh);
+  tbb::parallel_for(box.y, box.y + box.height, [&](int y) {
+    std::array<Shader::Spot, kSamples * kSamples> spots;
+    for (int x = box.x; x < box.x + box.width; ++x) {
+      bool is_background = true;
+      for (int s = 0; s < kSamples * kSamples; ++s) {
+        const Eigen::Vector2d pixel(x + (s % kSamples + 0.5) / kSamples - 0.5,
+                                    y + (s / kSamples + 0.5) / kSamples - 0.5);
+        const Eigen::Vector3d ray =
+            ray_by_pixel * camera.Undistort(pixel).homogeneous();
+        spots[s] = shader.Shade(origin, ray.normalized());
+        is_background = is_background && spots[s].triangle < 0;
       }
-      sum /= kSamples * kSamples;
-      picture(y, x) = {Encode(sum[0]), Encode(sum[1]), Encode(sum[2])};
+      if (is_background) continue;
+      for (size_t i = 0; i < num; ++i) {
+        cv::Vec3f sum(0, 0, 0);
+        for (const Shader::Spot& spot : spots) {
+          sum += shader.Color(spot, linear[i]);
+        }
+        sum *= 1.0F / (kSamples * kSamples);
+        pictures[i](y, x) = {Encode(sum[0]), Encode(sum[1]), Encode(sum[2])};
+      }
     }
   });
-  return picture;
+  return pictures;
 }
 
 Camera LookAtMesh(const TriangleMesh& mesh,

@@ -48,6 +48,12 @@ cv::Mat1f RenderCoverage(const Camera& camera,
 cv::Mat3b RenderShaded(const Camera& camera,
                        const TriangleMesh& mesh,
                        const std::vector<cv::Vec3b>& vertex_color);
+// The same in several colourings for little more than the price of one: what
+// the rays meet is looked up once.
+std::vector<cv::Mat3b> RenderColorings(
+    const Camera& camera,
+    const TriangleMesh& mesh,
+    const std::vector<std::vector<cv::Vec3b>>& vertex_colors);
 
 // A camera that looks at the mesh's bounding box from the given azimuth (0 =
 // front, +Z; 90 = the subject's left, +X) and elevation, degrees.

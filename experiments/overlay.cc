@@ -174,19 +174,20 @@ void DrawLegend(const std::string& title, cv::Mat3b* strip) {
 }
 
 cv::Mat3b Thumbnail(const View& view, const std::string& pose) {
-  cv::Mat3b picture = view.image.clone();
-  for (int y = 0; y < picture.rows; ++y) {
-    for (int x = 0; x < picture.cols; ++x) {
-      const float light = 0.3f + 0.7f * view.coverage(y, x);
+  const double scale = static_cast<double>(kThumbnailSize) /
+                       std::max(view.image.cols, view.image.rows);
+  cv::Mat3b small;
+  cv::Mat1f coverage;
+  cv::resize(view.image, small, {}, scale, scale, cv::INTER_AREA);
+  cv::resize(view.coverage, coverage, small.size(), 0, 0, cv::INTER_AREA);
+  for (int y = 0; y < small.rows; ++y) {
+    for (int x = 0; x < small.cols; ++x) {
+      const float light = 0.3f + 0.7f * coverage(y, x);
       for (int c = 0; c < 3; ++c) {
-        picture(y, x)[c] = cv::saturate_cast<uchar>(light * picture(y, x)[c]);
+        small(y, x)[c] = cv::saturate_cast<uchar>(light * small(y, x)[c]);
       }
     }
   }
-  const double scale = static_cast<double>(kThumbnailSize) /
-                       std::max(picture.cols, picture.rows);
-  cv::Mat3b small;
-  cv::resize(picture, small, {}, scale, scale, cv::INTER_AREA);
   cv::Mat3b framed(kThumbnailSize, kThumbnailSize, cv::Vec3b(24, 24, 24));
   small.copyTo(framed(cv::Rect((kThumbnailSize - small.cols) / 2,
                                (kThumbnailSize - small.rows) / 2,

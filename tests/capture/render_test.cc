@@ -141,6 +141,39 @@ TEST(LookAtMesh, FillsThePictureFromTheSideAsked) {
   EXPECT_GT(front.Project({1.5, 2, 3}).x(), front.Project({0.5, 2, 3}).x());
 }
 
+TEST(RenderColorings, ShowsEachColouringAsIfDrawnAlone) {
+  // Half of the ball lies outside the picture.
+  const Camera camera = TestCamera(false);
+  const TriangleMesh mesh = Sphere({0.7, 0.1, 2}, 0.4, 40);
+  std::vector<cv::Vec3b> striped;
+  for (size_t v = 0; v < mesh.vertices.size(); ++v) {
+    striped.push_back(v % 2 == 0 ? cv::Vec3b(200, 30, 10)
+                                 : cv::Vec3b(10, 180, 40));
+  }
+  const std::vector<cv::Mat3b> pictures =
+      RenderColorings(camera, mesh, {{}, striped});
+  ASSERT_EQ(pictures.size(), 2u);
+  EXPECT_EQ(cv::norm(pictures[0], RenderShaded(camera, mesh, {}), cv::NORM_INF),
+            0);
+  EXPECT_EQ(
+      cv::norm(pictures[1], RenderShaded(camera, mesh, striped), cv::NORM_INF),
+      0);
+  EXPECT_GT(cv::norm(pictures[0], pictures[1], cv::NORM_INF), 50);
+  // All that the mesh covers is drawn, and nothing else.
+  const cv::Mat1f coverage = RenderCoverage(camera, mesh);
+  int covered = 0;
+  for (int y = 0; y < camera.height; ++y) {
+    for (int x = 0; x < camera.width; ++x) {
+      const bool is_white = pictures[0](y, x) == cv::Vec3b(255, 255, 255);
+      if (coverage(y, x) == 0 || coverage(y, x) == 1) {
+        EXPECT_EQ(is_white, coverage(y, x) == 0) << x << " " << y;
+      }
+      covered += coverage(y, x) == 1;
+    }
+  }
+  EXPECT_GT(covered, 1000);
+}
+
 TEST(RenderShaded, ShowsTheMeshInItsColourOnWhite) {
   const TriangleMesh mesh = Sphere({0, 0, 0}, 1, 30);
   const Camera camera = LookAtMesh(mesh, 0, 0, 80, 80);
