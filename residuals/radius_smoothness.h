@@ -82,4 +82,22 @@ inline ceres::CostFunction* RowSymmetry(const std::vector<int>& mirrored_column,
       {Eigen::MatrixXd::Identity(n, n) / sigma, mirrored});
 }
 
+// Symmetry of one section with itself, every pair of columns once.
+inline ceres::CostFunction* SectionSymmetry(
+    const std::vector<int>& mirrored_column, double sigma) {
+  const int n = static_cast<int>(mirrored_column.size());
+  std::vector<int> first;
+  for (int k = 0; k < n; ++k) {
+    if (k < mirrored_column[k]) first.push_back(k);
+  }
+  Eigen::MatrixXd factor =
+      Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(first.size()), n);
+  for (size_t i = 0; i < first.size(); ++i) {
+    factor(static_cast<Eigen::Index>(i), first[i]) = 1 / sigma;
+    factor(static_cast<Eigen::Index>(i), mirrored_column[first[i]]) =
+        -1 / sigma;
+  }
+  return new LinearRowsResidual({factor});
+}
+
 }  // namespace sweepfit

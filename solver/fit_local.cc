@@ -234,7 +234,13 @@ void AddRegularisation(const Body& body,
                       problem->Row(s, r),
                       problem->Row(s, r + 1)});
       }
-      if (mirror > s) {
+      if (mirror == s) {
+        problem->Add(RadiusFamily::kSymmetry,
+                     SectionSymmetry(MirrorColumns(sweep, sweep),
+                                     options.sigma_symmetry),
+                     nullptr,
+                     {problem->Row(s, r)});
+      } else if (mirror > s) {
         problem->Add(RadiusFamily::kSymmetry,
                      RowSymmetry(MirrorColumns(sweep, body.sweeps[mirror]),
                                  options.sigma_symmetry),
