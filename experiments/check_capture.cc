@@ -26,6 +26,20 @@ namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
 
+// Largest difference of neighbours on a circle of `period` degrees.
+double LargestGap(std::vector<double> azimuths, double period) {
+  for (double& azimuth : azimuths) {
+    azimuth -= period * std::floor(azimuth / period);
+  }
+  std::sort(azimuths.begin(), azimuths.end());
+  azimuths.push_back(azimuths.front() + period);
+  double largest = 0;
+  for (size_t i = 1; i < azimuths.size(); ++i) {
+    largest = std::max(largest, azimuths[i] - azimuths[i - 1]);
+  }
+  return largest;
+}
+
 __attribute__((format(printf, 1, 2))) std::string Format(const char* format,
                                                          ...) {
   char text[400];
@@ -423,12 +437,8 @@ void Check::CheckAround() {
     return;
   }
   if (!middle_in_world_) return;
-  std::sort(azimuths.begin(), azimuths.end());
-  azimuths.push_back(azimuths.front() + 360);
-  for (size_t i = 1; i < azimuths.size(); ++i) {
-    check_.largest_gap =
-        std::max(check_.largest_gap, azimuths[i] - azimuths[i - 1]);
-  }
+  check_.largest_gap = LargestGap(azimuths, 360);
+  check_.largest_outline_gap = LargestGap(azimuths, 180);
   constexpr double kGap = 75;
   if (check_.largest_gap > kGap) {
     check_.warnings.push_back(Format(
@@ -438,17 +448,24 @@ void Check::CheckAround() {
   }
   constexpr int kUsual = 6;
   if (check_.num_fit_cameras < kUsual) {
+    // Even spacing over half a circle, and a third more.
+    const double kEven = 4.0 / 3 * 180 / check_.num_fit_cameras;
     check_.warnings.push_back(
         Format("%d cameras leave the body much too thick between them: 8 to 16 "
                "are usual",
-               check_.num_fit_cameras));
+               check_.num_fit_cameras) +
+        (check_.largest_outline_gap > kEven
+             ? "; cameras that stand opposite each other see the same outline: "
+               "with four, stand them at 0, 45, 135 and 270 degrees"
+             : ""));
   }
 }
 
-// Rules of thumb. The hull of N views around a standing person is about 6.2 mm
-// (8 / N)^0.62 too large (synthetic people, N = 8 to 32); a fit of the outlines
-// takes somewhat more than half of it away (rendered people, 8 views); both
-// grow with what the outlines are off.
+// Rules of thumb. The hull of N views evenly around a standing person is about
+// 6.2 mm (8 / N)^0.62 too large (synthetic people, N = 8 to 32), where what
+// counts is the angle between the outlines; a fit of the outlines takes
+// somewhat more than half of it away (rendered people, 8 views); both grow with
+// what the outlines are off. What faces a wide gap is seen by nobody.
 void Check::ExpectAccuracy() {
   if (!check_.CanWork() || check_.num_fit_cameras < 3) return;
   std::vector<double> scale, miss;
@@ -460,8 +477,8 @@ void Check::ExpectAccuracy() {
   constexpr double kOutlineNoise = 0.5;  // pixels, of a sound silhouette
   check_.expected_outline =
       Median(scale) * std::hypot(kOutlineNoise, Median(miss));
-  const double hull = 6.2 * std::pow(8.0 / check_.num_fit_cameras, 0.62) *
-                      std::max(1.0, check_.largest_gap / 75);
+  const double hull = 6.2 * std::pow(check_.largest_outline_gap / 45, 0.62) *
+                      std::max(1.0, check_.largest_gap / 135);
   check_.expected_surface = std::hypot(0.45 * hull, check_.expected_outline);
 }
 

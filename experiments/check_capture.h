@@ -33,6 +33,9 @@ struct CaptureCheck {
   double person_height = 0;  // metres, largest of the poses
   double lean = 0;         // of the body's long axis from the vertical, degrees
   double largest_gap = 0;  // between neighbouring fit cameras, degrees
+  // The same with cameras that stand opposite each other taken for one: they
+  // see the same outline.
+  double largest_outline_gap = 0;
   int num_fit_cameras = 0;  // used and not held out
   // What to expect of a fit, mm: 0 when nothing can be said.
   double expected_outline = 0, expected_surface = 0;

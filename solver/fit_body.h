@@ -33,7 +33,7 @@ struct LocalOptions {
   double sigma_around = 0.05;     // second difference of q around a section
   double sigma_along = 0.08;      // and along the sweep
   double sigma_magnitude = 0.25;  // of q itself
-  double sigma_symmetry = 0.03;   // of q between left and right
+  double sigma_symmetry = 0.02;   // of q between left and right
   std::optional<std::string> Check() const;
 };
 

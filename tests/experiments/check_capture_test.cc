@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <numbers>
 
 #include "experiments/synthetic.h"
@@ -15,6 +16,7 @@ namespace {
 
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 
 CameraCheck Of(const CaptureCheck& check, const std::string& id) {
   for (const CameraCheck& camera : check.cameras) {
@@ -43,6 +45,7 @@ TEST(CheckCapture, PassesSoundCapturesAndNamesWhatIsWrong) {
   }
   EXPECT_EQ(fine.num_fit_cameras, 8);
   EXPECT_NEAR(fine.largest_gap, 45, 10);
+  EXPECT_NEAR(fine.largest_outline_gap, 45, 10);
   EXPECT_LT(fine.lean, 15);
   EXPECT_GT(fine.person_height, 1.4);
   EXPECT_LT(fine.person_height, 2.1);
@@ -72,6 +75,34 @@ TEST(CheckCapture, PassesSoundCapturesAndNamesWhatIsWrong) {
   EXPECT_THAT(Of(plate, sound.cameras[2].camera.id).problems,
               ::testing::Contains(HasSubstr("does not belong")));
   EXPECT_THAT(Of(plate, sound.cameras[6].camera.id).problems, IsEmpty());
+}
+
+// With few cameras it counts where they stand.
+TEST(CheckCapture, OppositeCamerasAreOneOutline) {
+  TemporaryFolder folder;
+  SyntheticOptions options;
+  options.num_cameras = 8;
+  options.width = options.height = 240;
+  options.background = false;
+  const Capture eight = WriteSyntheticCapture(folder.path(), options, nullptr);
+  const auto with = [&eight](const std::vector<int>& kept) {
+    Capture capture = eight;
+    for (int c = 0; c < 8; ++c) {
+      if (std::find(kept.begin(), kept.end(), c) == kept.end()) {
+        capture.holdout.push_back(eight.cameras[c].camera.id);
+      }
+    }
+    return CheckCapture(capture, nullptr);
+  };
+  const CaptureCheck ring = with({0, 2, 4, 6});
+  EXPECT_NEAR(ring.largest_gap, 90, 10);
+  EXPECT_NEAR(ring.largest_outline_gap, 90, 10);
+  EXPECT_THAT(CheckTable(ring), HasSubstr("opposite each other"));
+  const CaptureCheck spread = with({0, 1, 3, 6});
+  EXPECT_NEAR(spread.largest_gap, 135, 10);
+  EXPECT_NEAR(spread.largest_outline_gap, 45, 10);
+  EXPECT_THAT(CheckTable(spread), Not(HasSubstr("opposite each other")));
+  EXPECT_LT(spread.expected_surface, ring.expected_surface);
 }
 
 // Units, axis and number of cameras, on given masks.
