@@ -28,7 +28,7 @@ struct JointOptions {
     double pose = 1;
     double stature = 1;
     double silhouette = 0.05;  // a template is not the person: its outline errs
-    double photo = 0.25;  // points of the surface that the photographs matched
+    double photo = 0.12;  // points of the surface that the photographs matched
   } weights;
   double template_sigma = 0.05;  // of a bone's ln(length / stature)
   std::optional<std::string> Check() const;
