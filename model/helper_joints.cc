@@ -60,8 +60,8 @@ struct SkinPatch {
   // The vertices of a patch belong to the sweep by a weight in this range.
   double min_weight = 0.4;
   double max_weight = 1;
+  double half_width = 0.8;  // radians around the limb
 };
-constexpr double kPatchHalfWidth = 0.8;  // radians around the limb
 
 std::vector<int> FindSkin(const Body& body,
                           const std::vector<Eigen::Vector3d>& rest_vertices,
@@ -90,7 +90,7 @@ std::vector<int> FindSkin(const Body& body,
       };
       const Eigen::Vector3d out =
           across(rest_vertices[v] - section.center_in_world);
-      if (out.dot(across(patch.side)) > std::cos(kPatchHalfWidth)) {
+      if (out.dot(across(patch.side)) > std::cos(patch.half_width)) {
         skin.push_back(v);
       }
       break;
@@ -128,19 +128,33 @@ std::vector<SkinPatch> PatchesAtJoint(const Sweep& sweep,
     const Eigen::Vector3d left =
         0.5 * inner.normalized() + Eigen::Vector3d(0.9, 0, 0);
     const Eigen::Vector3d right = left.cwiseProduct(Eigen::Vector3d(-1, 1, 1));
-    return {{"_fold_before", -0.6, 0, inner},
+    // Belly that stands out is pressed back steeply: its creases are narrow.
+    const Eigen::Vector3d left_front =
+        inner.normalized() + Eigen::Vector3d(1, 0, 0);
+    const Eigen::Vector3d right_front =
+        left_front.cwiseProduct(Eigen::Vector3d(-1, 1, 1));
+    return {{"_fold_before", -0.6, 0, inner, 0.4, 1, 0.5},
             {"_fold_before_far", -1.3, -0.5, inner},
             {"_fold_after", 0.2, 1.1, inner},
             {"_fold_before_left", -0.8, 0, left},
             {"_fold_before_right", -0.8, 0, right},
             {"_fold_after_left", 0, 0.8, left},
-            {"_fold_after_right", 0, 0.8, right}};
+            {"_fold_after_right", 0, 0.8, right},
+            {"_crease", 0.1, 0.6, inner, 0.4, 1, 0.5},
+            {"_crease_left", 0.1, 0.5, left_front, 0.4, 1, 0.35},
+            {"_crease_right", 0.1, 0.5, right_front, 0.4, 1, 0.35}};
   }
+  // Flesh pressed out of a bend swells to both sides along the hinge.
+  const bool is_left = MirrorJoint(sweep.chain[0]) > sweep.chain[0];
+  const Eigen::Vector3d hinge = (is_left ? 1 : -1) * limit.bend_axis;
   return {{"_fold_before_far", -2.4, -1.3, inner},
           {"_fold_before", -1.1, -0.2, inner},
           {"_fold_after", 0.2, 1.1, inner},
           {"_fold_after_far", 1.3, 2.4, inner},
-          {"_tip", -0.4, 0.4, -inner}};
+          {"_tip", -0.9, 0.1, -inner},
+          {"_tip_after", -0.1, 0.9, -inner},
+          {"_side", 0.2, 1.4, hinge, 0.4, 1, 0.6},
+          {"_side_other", 0.2, 1.4, -hinge, 0.4, 1, 0.6}};
 }
 
 // The rigid motion that carries points nearest to others (Kabsch 1976, Umeyama
@@ -239,7 +253,8 @@ std::vector<HelperJoint> MakeHelperJoints(const Body& body) {
         add(joint, "_bend_before", {{s, k - corner.range_before / 3, 1}});
         helpers.back().parent = kJointParents[joint];
         add(joint, "_bend_after", {{s, k + corner.range_after / 3, 1}});
-      } else if (k > 0) {
+      }
+      if (k > 0 && (is_limb || !FoldsAt(sweep, k))) {
         add(joint, "_half", {{s, static_cast<double>(k), 1}});
       }
       if (limits.limit(joint)) {

@@ -17,20 +17,25 @@ namespace sweepfit {
 //
 //   <joint>_swing  the start of a limb: turned with its bone but not twisted
 //   <joint>_half   the middle of the rounded corner at a joint; where the limb
-//                  folds over itself two sections instead, <joint>_bend_before
+//                  folds over itself two sections too, <joint>_bend_before
 //                  and <joint>_bend_after
 //   <joint>_twist  the middle of the bone that starts at the joint
 //   <joint>_blend  half way between the trunk and the limb
 //   <joint>_fold_before, _fold_after and each _far
 //                  the skin on the inner side of a bend, before and after the
 //                  joint, pressed back where the limb folds over itself
-//   <joint>_tip    the skin on the outer side: kneecap and point of the elbow
+//   <joint>_tip, _tip_after
+//                  the skin on the outer side: kneecap and point of the elbow
+//   <joint>_side, _side_other
+//                  the skin at both ends of the hinge, where it swells
 //   <joint>_pit, _hollow, _rear
 //                  the skin between a limb and the trunk, armpit and crotch,
 //                  on the limb's side and on the trunk's, and behind the root
 //                  of the limb
 //   spine_fold_before_left, ... _right and _after_...
 //                  the flanks of the waist
+//   spine_crease, _crease_left, _crease_right
+//                  narrow strips where a bent waist presses the belly back
 //
 // All are functions of the posture. File formats have no such rules, so their
 // motion is baked into every clip; in an engine a constraint of half the

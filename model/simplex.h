@@ -6,7 +6,7 @@
 namespace sweepfit {
 
 // Few unknowns: weights of the joints that move one vertex.
-inline constexpr int kMaxSimplexSize = 16;
+inline constexpr int kMaxSimplexSize = 20;
 using SimplexVector = std::array<double, kMaxSimplexSize>;
 using SimplexMatrix = std::array<SimplexVector, kMaxSimplexSize>;
 using SimplexSet = std::array<bool, kMaxSimplexSize>;

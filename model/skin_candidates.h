@@ -11,7 +11,7 @@
 namespace sweepfit {
 
 // Joints and helpers.
-inline constexpr int kMaxSkinJoints = 96;
+inline constexpr int kMaxSkinJoints = 128;
 
 // The joints that may move one vertex, most plausible first.
 struct SkinCandidates {

@@ -22,6 +22,8 @@ constexpr double kMinCosine = 0.03;
 constexpr double kStep = 0.5;
 // Smoothing moves a vertex by no more, metres.
 constexpr double kMostSmoothed = 0.004;
+// Nor by more than this where turning found no room.
+constexpr double kMostYielded = 0.032;
 // Faces are turned to this cosine, a little beyond the limit, by more than the
 // mean of what the faces around a vertex ask for (over-relaxation).
 constexpr double kTurnedCosine = 0.08;
@@ -119,6 +121,13 @@ int Unfolder::Apply(const std::vector<Matrix3d>& rotation,
   if (turned.empty()) return 0;
   Smooth(rotation, kSmoothingRounds, kMostSmoothed, &turned, vertices);
   TurnBack(rotation, &turned, vertices);
+  // A deeper fold yields step by step, so that it drags no more skin than it
+  // must.
+  for (double most = 2 * kMostSmoothed; !turned.empty() && most <= kMostYielded;
+       most *= 2) {
+    Smooth(rotation, kSmoothingRounds, most, &turned, vertices);
+    TurnBack(rotation, &turned, vertices);
+  }
   // A fold with no room on either side goes only if the skin around it yields.
   constexpr double kAnyWay = std::numeric_limits<double>::infinity();
   Smooth(rotation, kLastRounds, kAnyWay, &turned, vertices);

@@ -4,6 +4,8 @@
 // self-intersections, and how closely skinning follows the sweeps.
 //
 //   deformation_bench FIGURE.png    draws the figure, prints the tables
+//   deformation_bench BODY.json     only how skinning follows the sweeps of a
+//                                   fitted body, on postures of many seeds
 #include <chrono>
 #include <cstdio>
 #include <functional>
@@ -14,6 +16,7 @@
 #include <vector>
 
 #include "model/body.h"
+#include "model/body_io.h"
 #include "model/helper_joints.h"
 #include "model/joint_limits.h"
 #include "model/lbs.h"
@@ -403,14 +406,27 @@ void Run(const std::string& figure) {
               random.size());
 }
 
+void RunOnBody(const std::string& path) {
+  const Body body = LoadBody(path);
+  CompareSeeds(body,
+               BodyDeformer(body),
+               FitSkinWeights(body, kSkinPoses, kSkinSeed).weights,
+               FitSkinWeights(body, kSkinPoses, kSkinSeed, false).weights);
+}
+
 }  // namespace
 }  // namespace sweepfit
 
 int main(int argc, char** argv) {
   if (argc != 2) {
-    std::fprintf(stderr, "usage: deformation_bench FIGURE.png\n");
+    std::fprintf(stderr, "usage: deformation_bench FIGURE.png | BODY.json\n");
     return 2;
   }
-  sweepfit::Run(argv[1]);
+  const std::string argument = argv[1];
+  if (argument.ends_with(".json")) {
+    sweepfit::RunOnBody(argument);
+  } else {
+    sweepfit::Run(argument);
+  }
   return 0;
 }
