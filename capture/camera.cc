@@ -57,7 +57,12 @@ Eigen::Vector3d Camera::RayInWorld(const Eigen::Vector2d& pinhole_pixel) const {
 
 Eigen::Vector2d Camera::ProjectPinhole(
     const Eigen::Vector3d& point_in_world) const {
-  return ToPixel(K, PointInCamera(point_in_world).hnormalized());
+  return ToPinholePixel(PointInCamera(point_in_world));
+}
+
+Eigen::Vector2d Camera::ToPinholePixel(
+    const Eigen::Vector3d& point_in_camera) const {
+  return ToPixel(K, point_in_camera.hnormalized());
 }
 
 Eigen::Vector2d Camera::Project(const Eigen::Vector3d& point_in_world) const {

@@ -35,6 +35,7 @@ struct Camera {
 
   // The point must lie in front of the camera (z > 0).
   Eigen::Vector2d ProjectPinhole(const Eigen::Vector3d& point_in_world) const;
+  Eigen::Vector2d ToPinholePixel(const Eigen::Vector3d& point_in_camera) const;
   Eigen::Vector2d Project(const Eigen::Vector3d& point_in_world) const;
   Eigen::Vector2d Distort(const Eigen::Vector2d& pinhole_pixel) const;
   // Inverse of Distort by fixed-point/Newton iteration to 1e-9 px.

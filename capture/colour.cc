@@ -15,6 +15,17 @@ double Decode(double code) {
 
 }  // namespace
 
+const std::array<float, 256>& LinearOfCode() {
+  static const std::array<float, 256> table = [] {
+    std::array<float, 256> values;
+    for (int code = 0; code < 256; ++code) {
+      values[code] = static_cast<float>(Decode(code));
+    }
+    return values;
+  }();
+  return table;
+}
+
 cv::Mat3f ToLinear(const cv::Mat3b& picture, const cv::Vec3d& gain) {
   cv::Mat3f table(1, 256);
   for (int i = 0; i < 256; ++i) {

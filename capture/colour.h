@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <opencv2/core.hpp>
 
 namespace sweepfit {
+
+// Linear light 0..1 of every sRGB code.
+const std::array<float, 256>& LinearOfCode();
 
 // Linear light (sRGB decoded, times `gain` per channel in sRGB code values and
 // clipped as a camera would), BGR 0..1.

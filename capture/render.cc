@@ -13,6 +13,8 @@
 #include <limits>
 #include <numbers>
 
+#include "capture/colour.h"
+
 namespace sweepfit {
 namespace {
 
@@ -170,23 +172,10 @@ std::uint8_t Encode(double linear) {
   return cv::saturate_cast<std::uint8_t>(255 * v);
 }
 
-double Decode(double code) {
-  const double v = code / 255;
-  return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
-}
-
-std::array<float, 256> DecodingTable() {
-  std::array<float, 256> table;
-  for (int code = 0; code < 256; ++code) {
-    table[code] = static_cast<float>(Decode(code));
-  }
-  return table;
-}
-
 // Linear colours of the vertices.
 std::vector<cv::Vec3f> Decoded(const std::vector<cv::Vec3b>& vertex_color,
                                size_t num_vertices) {
-  static const std::array<float, 256> table = DecodingTable();
+  const std::array<float, 256>& table = LinearOfCode();
   constexpr std::uint8_t kPlainGrey = 200;
   if (vertex_color.empty()) {
     const float grey = table[kPlainGrey];
@@ -247,27 +236,28 @@ class Shader {
   RayScene scene_;
 };
 
-// The pixels that the mesh may cover; all where it reaches behind the camera or
-// the picture is distorted.
-cv::Rect BoxOf(const Camera& camera, const TriangleMesh& mesh) {
-  const cv::Rect frame(0, 0, camera.width, camera.height);
-  if (camera.HasDistortion()) return frame;
-  Eigen::AlignedBox2d box;
+}  // namespace
+
+cv::Rect BoxOfMesh(const Camera& pinhole,
+                   const TriangleMesh& mesh,
+                   double margin) {
+  constexpr double kBeside = 0.1;  // metres
+  const cv::Rect frame(0, 0, pinhole.width, pinhole.height);
+  Eigen::Array2d low(pinhole.width, pinhole.height), high(0, 0);
   for (const Eigen::Vector3d& vertex : mesh.vertices) {
-    if (camera.PointInCamera(vertex).z() < kNear) return frame;
-    box.extend(camera.ProjectPinhole(vertex));
+    if (pinhole.PointInCamera(vertex).z() < kBeside) return frame;
+    const Eigen::Array2d pixel = pinhole.ProjectPinhole(vertex).array();
+    low = low.min(pixel);
+    high = high.max(pixel);
   }
-  if (box.isEmpty()) return {};
-  const Eigen::Array2d size(camera.width, camera.height);
-  const Eigen::Array2d low = (box.min().array() - 1).max(0).min(size);
-  const Eigen::Array2d high = (box.max().array() + 2).max(0).min(size);
+  low = (low - margin).floor().max(0);
+  high =
+      (high + margin).ceil().min(Eigen::Array2d(pinhole.width, pinhole.height));
+  if (!((high - low).minCoeff() >= 1)) return frame;
   return cv::Rect(
       cv::Point(static_cast<int>(low.x()), static_cast<int>(low.y())),
-      cv::Point(static_cast<int>(std::ceil(high.x())),
-                static_cast<int>(std::ceil(high.y()))));
+      cv::Point(static_cast<int>(high.x()), static_cast<int>(high.y())));
 }
-
-}  // namespace
 
 cv::Mat1f RenderCoverage(const Camera& camera,
                          const TriangleMesh& mesh,
@@ -316,7 +306,9 @@ std::vector<cv::Mat3b> RenderColorings(
   const Eigen::Vector3d origin = camera.CenterInWorld();
   const Eigen::Matrix3d ray_by_pixel =
       camera.camera_from_world.transpose() * camera.K.inverse();
-  const cv::Rect box = BoxOf(camera, mesh);
+  const cv::Rect box = camera.HasDistortion()
+                           ? cv::Rect(0, 0, camera.width, camera.height)
+                           : BoxOfMesh(camera, mesh, 1);
   tbb::parallel_for(box.y, box.y + box.height, [&](int y) {
     std::array<Shader::Spot, kSamples * kSamples> spots;
     for (int x = box.x; x < box.x + box.width; ++x) {

@@ -37,6 +37,13 @@ class RayScene {
   std::unique_ptr<Impl> impl_;
 };
 
+// The part of a picture without distortion that shows the mesh, with a margin
+// in pixels; all of it where the mesh comes near the camera's plane, since what
+// is beside or behind a camera may show anywhere, or is not in the picture.
+cv::Rect BoxOfMesh(const Camera& pinhole,
+                   const TriangleMesh& mesh,
+                   double margin);
+
 // Share (0..1) of supersample^2 samples of every pixel, in the picture as taken
 // (distorted), that the mesh covers.
 cv::Mat1f RenderCoverage(const Camera& camera,

@@ -448,13 +448,13 @@ void Check::CheckAround() {
   }
   constexpr int kUsual = 6;
   if (check_.num_fit_cameras < kUsual) {
-    // Even spacing over half a circle, and a third more.
-    const double kEven = 4.0 / 3 * 180 / check_.num_fit_cameras;
+    // A third more than even spacing over half a circle.
+    const double uneven = 4.0 / 3 * 180 / check_.num_fit_cameras;
     check_.warnings.push_back(
         Format("%d cameras leave the body much too thick between them: 8 to 16 "
                "are usual",
                check_.num_fit_cameras) +
-        (check_.largest_outline_gap > kEven
+        (check_.largest_outline_gap > uneven
              ? "; cameras that stand opposite each other see the same outline: "
                "with four, stand them at 0, 45, 135 and 270 degrees"
              : ""));

@@ -14,6 +14,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "capture/camera.h"
+#include "capture/colour.h"
 #include "experiments/animated_webp.h"
 #include "experiments/synthetic_raster.h"
 #include "model/file_io.h"
@@ -35,11 +36,6 @@ constexpr double kTileSize = 0.5;  // metres
 // Towards the lamp.
 const Vector3d kLamp = Vector3d(-0.35, 1, 0.45).normalized();
 
-double Decode(double code) {
-  const double v = code / 255;
-  return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
-}
-
 double EncodeSrgb(double linear) {
   const double v = std::clamp(linear, 0.0, 1.0);
   return 255 *
@@ -50,8 +46,7 @@ double EncodeSrgb(double linear) {
 class Texture {
  public:
   explicit Texture(const cv::Mat3b& bgr) {
-    std::array<float, 256> table;
-    for (int i = 0; i < 256; ++i) table[i] = static_cast<float>(Decode(i));
+    const std::array<float, 256>& table = LinearOfCode();
     rgb_.create(bgr.size());
     for (int y = 0; y < bgr.rows; ++y) {
       for (int x = 0; x < bgr.cols; ++x) {

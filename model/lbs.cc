@@ -7,11 +7,11 @@ namespace sweepfit {
 namespace {
 
 Eigen::Vector3d Skin(const std::vector<RigidMotion>& motions,
-                     const std::array<int, 4>& joint,
-                     const std::array<double, 4>& weight,
+                     const std::array<int, kMaxInfluences>& joint,
+                     const std::array<double, kMaxInfluences>& weight,
                      const Eigen::Vector3d& rest) {
   Eigen::Vector3d posed = Eigen::Vector3d::Zero();
-  for (int i = 0; i < 4; ++i) {
+  for (int i = 0; i < kMaxInfluences; ++i) {
     if (weight[i] == 0) continue;
     posed += weight[i] * (motions[joint[i]] * rest);
   }
@@ -54,7 +54,7 @@ std::vector<Eigen::Vector3d> PoseVerticesDualQuaternion(
       JointMotions(body, weights.helpers).At(pose);
   for (std::size_t v = 0; v < vertices.size(); ++v) {
     MotionBlend blend;
-    for (int i = 0; i < 4; ++i) {
+    for (int i = 0; i < kMaxInfluences; ++i) {
       if (weights.weight[v][i] == 0) continue;
       blend.Add(weights.weight[v][i], motions[weights.joint[v][i]]);
     }

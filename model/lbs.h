@@ -9,13 +9,16 @@
 
 namespace sweepfit {
 
+// Joints that move one vertex, at most: what file formats hold.
+inline constexpr int kMaxInfluences = 4;
+
 // Linear blend skinning: x = sum_b weight_b T_b T_b,rest^-1 x_rest over at
-// most four joints per vertex; weights sum to 1, heaviest first, joint 0 where
-// the weight is 0. Joints from 21 on are the helpers.
+// most kMaxInfluences joints per vertex; weights sum to 1, heaviest first,
+// joint 0 where the weight is 0. Joints from 21 on are the helpers.
 struct SkinWeights {
   std::vector<HelperJoint> helpers;
-  std::vector<std::array<int, 4>> joint;
-  std::vector<std::array<double, 4>> weight;
+  std::vector<std::array<int, kMaxInfluences>> joint;
+  std::vector<std::array<double, kMaxInfluences>> weight;
 };
 
 // Fits for files use so many poses and this seed.

@@ -21,7 +21,6 @@
 namespace sweepfit {
 namespace {
 
-constexpr int kMaxInfluences = 4;
 // Weights below this are noise: a tenth of a metre of relative motion would
 // show a tenth of a millimetre.
 constexpr double kNegligibleWeight = 1e-3;
@@ -495,8 +494,8 @@ class SkinWeightFitter {
   }
 
   static void PackVertex(VertexProblem* problem,
-                         std::array<int, 4>* joint,
-                         std::array<double, 4>* weight) {
+                         std::array<int, kMaxInfluences>* joint,
+                         std::array<double, kMaxInfluences>* weight) {
     std::vector<std::pair<double, int>> order;
     for (int i = 0; i < problem->candidates.count; ++i) {
       if (problem->weight[i] < kNegligibleWeight) continue;

@@ -354,7 +354,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
   summary->status = "ok";
   if (options.mode != "rim") {
     summary->figures["rim_error_start_mm"] =
-        1000 * MeanRimError(evidence, *joints, *body, kRimReach);
+        1000 * Stand(evidence, *joints, *body, kRimReach).rim_error;
     SampleHullRadii(evidence, options.mode == "paper", *joints, body);
   } else {
     nlohmann::ordered_json report, person_report, sections;
@@ -405,7 +405,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
     summary->figures["sections"] = sections;
     if (!report["usable"].get<bool>()) summary->status = "failed";
   }
-  const double error = MeanRimError(evidence, *joints, *body, kRimReach);
+  const double error = Stand(evidence, *joints, *body, kRimReach).rim_error;
   summary->figures["rim_error_end_mm"] = 1000 * error;
   if (error > kSoundRimError && summary->status == "ok") {
     summary->status = "weak";

@@ -20,21 +20,22 @@ std::vector<std::vector<PhotoPoint>> MatchPhotographs(
   return points;
 }
 
-double MeanRimError(const std::vector<PoseEvidence>& evidence,
-                    const JointResult& joints,
-                    const Body& body,
-                    double reach_pixels) {
-  double sum = 0;
+StandingBody Stand(const std::vector<PoseEvidence>& evidence,
+                   const JointResult& joints,
+                   const Body& body,
+                   double reach_pixels) {
+  StandingBody standing;
   for (size_t p = 0; p < evidence.size(); ++p) {
-    sum +=
-        MeanRimError(GatherRimEvidence(PoseForFit(body, joints.poses[p].pose),
-                                       body.topology.quads,
-                                       *evidence[p].views,
-                                       *evidence[p].contours,
-                                       reach_pixels),
-                     *evidence[p].views);
+    standing.posed.push_back(PoseForFit(body, joints.poses[p].pose));
+    standing.rims.push_back(GatherRimEvidence(standing.posed[p],
+                                              body.topology.quads,
+                                              *evidence[p].views,
+                                              *evidence[p].contours,
+                                              reach_pixels));
+    standing.rim_error += MeanRimError(standing.rims[p], *evidence[p].views) /
+                          static_cast<double>(evidence.size());
   }
-  return sum / static_cast<double>(evidence.size());
+  return standing;
 }
 
 }  // namespace sweepfit

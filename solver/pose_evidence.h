@@ -30,11 +30,17 @@ std::vector<std::vector<PhotoPoint>> MatchPhotographs(
     double reach,
     double step_pixels);
 
-// Mean distance of the body's outline from the silhouettes over all poses,
-// metres; outlines are matched within `reach_pixels`.
-double MeanRimError(const std::vector<PoseEvidence>& evidence,
-                    const JointResult& joints,
-                    const Body& body,
-                    double reach_pixels);
+// The body as it stands in every pose, its rims, and the mean distance of its
+// outline from the silhouettes over all poses, metres.
+struct StandingBody {
+  std::vector<PosedBody> posed;
+  std::vector<RimEvidence> rims;
+  double rim_error = 0;
+};
+// Outlines are matched within `reach_pixels`.
+StandingBody Stand(const std::vector<PoseEvidence>& evidence,
+                   const JointResult& joints,
+                   const Body& body,
+                   double reach_pixels);
 
 }  // namespace sweepfit

@@ -170,30 +170,6 @@ void AddTargets(const PoseEvidence& evidence,
   }
 }
 
-// The body as it stands in every pose, and its rims.
-struct Standing {
-  std::vector<PosedBody> posed;
-  std::vector<RimEvidence> rims;
-  double rim_error = 0;  // metres, mean over the poses
-};
-
-Standing Stand(const std::vector<PoseEvidence>& evidence,
-               const JointResult& joints,
-               const Body& body) {
-  Standing standing;
-  for (size_t p = 0; p < evidence.size(); ++p) {
-    standing.posed.push_back(PoseForFit(body, joints.poses[p].pose));
-    standing.rims.push_back(GatherRimEvidence(standing.posed[p],
-                                              body.topology.quads,
-                                              *evidence[p].views,
-                                              *evidence[p].contours,
-                                              kRimReach));
-    standing.rim_error += MeanRimError(standing.rims[p], *evidence[p].views) /
-                          static_cast<double>(evidence.size());
-  }
-  return standing;
-}
-
 // Moves vertices by offsets along their posed normals.
 void ApplyOffsets(const Eigen::VectorXd& offset,
                   const PosedBody& posed,
@@ -244,7 +220,7 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
     smooth.coeffRef(i, i) += (thin[i] ? kThinStiffness : 1) * magnitude;
   }
 
-  Standing standing = Stand(evidence, joints, *body);
+  StandingBody standing = Stand(evidence, joints, *body, kRimReach);
   summary->figures["rim_error_start_mm"] = 1000 * standing.rim_error;
   const auto photo =
       MatchPhotographs(evidence, joints, *body, kPhotoReach, kPhotoStep);
@@ -263,7 +239,7 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
     }
     Body candidate = *body;
     ApplyOffsets(system.Solve(smooth), standing.posed.front(), &candidate);
-    Standing moved = Stand(evidence, joints, candidate);
+    StandingBody moved = Stand(evidence, joints, candidate, kRimReach);
     // A refinement that does not bring the outlines closer is not kept.
     if (!(moved.rim_error < standing.rim_error)) break;
     *body = std::move(candidate);

@@ -34,26 +34,14 @@ Camera ScaledPinhole(const Camera& camera, double scale) {
   return scaled;
 }
 
-// The part of a pinhole view that shows the mesh, with a margin.
+// The part of a pinhole view that shows the mesh.
 Camera CropToMesh(const Camera& pinhole, const TriangleMesh& mesh) {
   constexpr double kMargin = 4;  // pixels
-  Vector2d low(pinhole.width, pinhole.height), high(0, 0);
-  for (const Vector3d& x : mesh.vertices) {
-    // What is beside or behind the camera may show anywhere.
-    if (pinhole.PointInCamera(x).z() < 0.1) return pinhole;
-    const Vector2d pixel = pinhole.ProjectPinhole(x);
-    low = low.cwiseMin(pixel);
-    high = high.cwiseMax(pixel);
-  }
-  low = (low.array() - kMargin).floor().max(0);
-  high = (high.array() + kMargin)
-             .ceil()
-             .min(Eigen::Array2d(pinhole.width, pinhole.height));
-  if (!((high - low).minCoeff() >= 1)) return pinhole;
+  const cv::Rect box = BoxOfMesh(pinhole, mesh, kMargin);
   Camera cropped = pinhole;
-  cropped.width = static_cast<int>(high.x() - low.x());
-  cropped.height = static_cast<int>(high.y() - low.y());
-  cropped.K.topRightCorner<2, 1>() -= low;
+  cropped.width = box.width;
+  cropped.height = box.height;
+  cropped.K.topRightCorner<2, 1>() -= Vector2d(box.x, box.y);
   return cropped;
 }
 

@@ -12,6 +12,7 @@
 #include <map>
 #include <opencv2/imgproc.hpp>
 
+#include "capture/colour.h"
 #include "capture/render.h"
 #include "model/median.h"
 #include "model/mesh.h"
@@ -46,26 +47,11 @@ using Color = Eigen::Vector3f;  // linear light, blue green red, 0 to 1
 // ---------------------------------------------------------------------------
 // Colour
 
-float SrgbToLinear(int byte) {
-  const double s = byte / 255.0;
-  return static_cast<float>(s <= 0.04045 ? s / 12.92
-                                         : std::pow((s + 0.055) / 1.055, 2.4));
-}
-
-const std::array<float, 256>& LinearTable() {
-  static const std::array<float, 256> table = [] {
-    std::array<float, 256> values;
-    for (int i = 0; i < 256; ++i) values[i] = SrgbToLinear(i);
-    return values;
-  }();
-  return table;
-}
-
 // Per 1/kSrgbSteps of linear light the first byte that is not darker.
 constexpr int kSrgbSteps = 4096;
 const std::array<std::uint8_t, kSrgbSteps + 1>& SrgbTable() {
   static const std::array<std::uint8_t, kSrgbSteps + 1> table = [] {
-    const auto& linear = LinearTable();
+    const auto& linear = LinearOfCode();
     std::array<std::uint8_t, kSrgbSteps + 1> bytes;
     int byte = 0;
     for (int i = 0; i <= kSrgbSteps; ++i) {
@@ -79,7 +65,7 @@ const std::array<std::uint8_t, kSrgbSteps + 1>& SrgbTable() {
 
 // The byte whose linear value is nearest, up to the curvature of the code.
 std::uint8_t LinearToSrgb(float linear) {
-  const auto& table = LinearTable();
+  const auto& table = LinearOfCode();
   if (!(linear > 0)) return 0;
   if (linear >= 1) return 255;
   int upper = SrgbTable()[static_cast<int>(linear * kSrgbSteps)];
@@ -89,7 +75,7 @@ std::uint8_t LinearToSrgb(float linear) {
 }
 
 Color Linear(const cv::Vec3b& bgr) {
-  const auto& table = LinearTable();
+  const auto& table = LinearOfCode();
   return {table[bgr[0]], table[bgr[1]], table[bgr[2]]};
 }
 
@@ -419,10 +405,7 @@ bool Observe(const PreparedView& prepared,
   const double depth = point_in_camera.z();
   if (depth < 1e-3) return false;
 
-  const Eigen::Matrix3d& K = camera.K;
-  const Eigen::Vector2d at = point_in_camera.hnormalized();
-  const Eigen::Vector2d pinhole(K(0, 0) * at.x() + K(0, 1) * at.y() + K(0, 2),
-                                K(1, 1) * at.y() + K(1, 2));
+  const Eigen::Vector2d pinhole = camera.ToPinholePixel(point_in_camera);
   const int x =
       static_cast<int>(std::floor(pinhole.x() + 0.5)) - prepared.box.x;
   const int y =

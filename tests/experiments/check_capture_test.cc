@@ -26,6 +26,15 @@ CameraCheck Of(const CaptureCheck& check, const std::string& id) {
   return {};
 }
 
+// Small pictures with given masks.
+Capture CaptureWithMasks(const TemporaryFolder& folder, int num_cameras) {
+  SyntheticOptions options;
+  options.num_cameras = num_cameras;
+  options.width = options.height = 240;
+  options.background = false;
+  return WriteSyntheticCapture(folder.path(), options, nullptr);
+}
+
 // One synthetic capture, sound and with one thing wrong at a time.
 TEST(CheckCapture, PassesSoundCapturesAndNamesWhatIsWrong) {
   TemporaryFolder folder;
@@ -80,11 +89,7 @@ TEST(CheckCapture, PassesSoundCapturesAndNamesWhatIsWrong) {
 // With few cameras it counts where they stand.
 TEST(CheckCapture, OppositeCamerasAreOneOutline) {
   TemporaryFolder folder;
-  SyntheticOptions options;
-  options.num_cameras = 8;
-  options.width = options.height = 240;
-  options.background = false;
-  const Capture eight = WriteSyntheticCapture(folder.path(), options, nullptr);
+  const Capture eight = CaptureWithMasks(folder, 8);
   const auto with = [&eight](const std::vector<int>& kept) {
     Capture capture = eight;
     for (int c = 0; c < 8; ++c) {
@@ -108,11 +113,7 @@ TEST(CheckCapture, OppositeCamerasAreOneOutline) {
 // Units, axis and number of cameras, on given masks.
 TEST(CheckCapture, SaysWhyACaptureCannotWork) {
   TemporaryFolder folder;
-  SyntheticOptions options;
-  options.num_cameras = 6;
-  options.width = options.height = 240;
-  options.background = false;
-  const Capture sound = WriteSyntheticCapture(folder.path(), options, nullptr);
+  const Capture sound = CaptureWithMasks(folder, 6);
 
   Capture giant = sound;
   for (CaptureCamera& entry : giant.cameras) {
