@@ -13,9 +13,11 @@ namespace {
 
 // Legs of a rounded corner in units of the radius at the joint and of the
 // bones. With 1.5 radii the sections do not fold over until about 92 degrees;
-// 0.35 leaves the middle of each bone straight.
+// 0.35 leaves the middle of each bone straight. The trunk is deep for the length
+// of its bones: it bends over more of them.
 constexpr double kLegByRadius = 1.5;
 constexpr double kLegByBone = 0.35;
+constexpr double kLegByBoneOfTrunk = 0.48;
 
 // Rotation about a unit axis with the given cosine and sine (Rodrigues).
 Eigen::Matrix3d RotationAbout(const Eigen::Vector3d& axis,
@@ -259,14 +261,16 @@ Eigen::Matrix3d SweepAxis::StartFrame(const Eigen::Matrix3d& rest_frame,
 }
 
 void SweepAxis::RoundCorners() {
+  const double leg_by_bone =
+      sweep_.chain.front() == kRoot ? kLegByBoneOfTrunk : kLegByBone;
   for (std::size_t k = 0; k < corners_.size(); ++k) {
     Corner& corner = corners_[k];
     const double length_before = bones_[k].along_in_world.norm();
     const double length_after = bones_[k + 1].along_in_world.norm();
     corner.leg = std::min(
         {kLegByRadius * MeanTemplateRadius(sweep_, static_cast<double>(k + 1)),
-         kLegByBone * length_before,
-         kLegByBone * length_after});
+         leg_by_bone * length_before,
+         leg_by_bone * length_after});
     corner.range_before = corner.leg / length_before;
     corner.range_after = corner.leg / length_after;
     const ShortestTurn turn =

@@ -28,6 +28,8 @@ using Eigen::Vector3d;
 
 constexpr int kHullStride = 5;
 constexpr double kRimReach = 20;  // pixels
+// Outlines move the pose less than the radii: a body of wrong radii errs.
+constexpr double kPoseRimSigma = 0.004;  // metres
 // Outlines this far off on average mean a wrong posture, not a rough surface.
 constexpr double kSoundRimError = 0.015;  // metres
 
@@ -361,7 +363,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
     std::vector<std::vector<PhotoPoint>> photo(evidence.size());
     const auto solve_pose = [&](nlohmann::ordered_json* pose_report) {
       SolvePerson(evidence,
-                  {2 * options.sigma_rim, kRimReach, 3, 3},
+                  {kPoseRimSigma, kRimReach, 3, 3},
                   photo,
                   joint_options,
                   nullptr,

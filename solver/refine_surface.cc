@@ -21,8 +21,9 @@ using Eigen::Vector3d;
 constexpr double kReach = 0.025;  // metres
 // Fingers and faces keep the template's shape: outlines seldom resolve them.
 constexpr double kDetailStiffness = 6;
-// What is thin stays as it is: a factor on the weight of its offsets.
-constexpr double kThinStiffness = 400;
+// Shares of sigma_magnitude: hands and feet move little, what is thin hardly.
+constexpr double kDetailShare = 0.25;
+constexpr double kThinShare = 0.015;
 
 constexpr double kRimReach = 15;  // pixels
 // The photographs are matched this far about the surface, metres, in steps of
@@ -213,11 +214,13 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
   const int n = body->num_vertices();
   Eigen::SparseMatrix<double> smooth =
       SmoothnessMatrix(*body, options.sigma_smooth);
-  const double magnitude =
-      1 / (options.sigma_magnitude * options.sigma_magnitude);
   const std::vector<bool> thin = FindThin(*body);
   for (int i = 0; i < n; ++i) {
-    smooth.coeffRef(i, i) += (thin[i] ? kThinStiffness : 1) * magnitude;
+    const double share = thin[i]                             ? kThinShare
+                         : IsDetail(body->topology.part[i]) ? kDetailShare
+                                                             : 1;
+    const double sigma = share * options.sigma_magnitude;
+    smooth.coeffRef(i, i) += 1 / (sigma * sigma);
   }
 
   StandingBody standing = Stand(evidence, joints, *body, kRimReach);

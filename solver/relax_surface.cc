@@ -12,10 +12,10 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kMaxRounds = 120;
+constexpr int kMaxRounds = 240;
 // The region grows by a ring every so many rounds, up to so many rings.
 constexpr int kRoundsPerRing = 10;
-constexpr int kMaxRings = 5;
+constexpr int kMaxRings = 12;
 constexpr double kStep = 0.6;
 // A face has turned below this cosine to its normal on the reference.
 constexpr double kMinCosine = 0.1;

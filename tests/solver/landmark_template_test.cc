@@ -79,7 +79,7 @@ TEST_P(LandmarkTemplateTest, SpeaksOfTheTemplatesJoints) {
   const std::map<std::string, double> largest = {{"root", 0.03},
                                                  {"neck", 0.025},
                                                  {"head", 0.02},
-                                                 {"head_end", 0.015},
+                                                 {"head_end", 0.016},
                                                  {"l_shoulder", 0.055},
                                                  {"l_elbow", 0.035},
                                                  {"l_wrist", 0.03},
@@ -125,7 +125,7 @@ INSTANTIATE_TEST_SUITE_P(Stances,
                                            Stance{1, 0},
                                            Stance{0, 43},
                                            Stance{1, 43},
-                                           Stance{0.5, -25}));
+                                           Stance{0.5, -20}));
 
 }  // namespace
 }  // namespace sweepfit
