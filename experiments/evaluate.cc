@@ -111,16 +111,21 @@ std::vector<CameraScore> ScoreSilhouettes(
   return scores;
 }
 
-// Fills what the truth folder has of joints and surface; false when it has
-// neither.
+std::optional<JointPositions> FindTruthJoints(const fs::path& truth) {
+  const fs::path path = truth / "joints.json";
+  if (!fs::exists(path)) return std::nullopt;
+  return LoadTruthJoints(path);
+}
+
+// Fills what is known of joints and surface; false when nothing is.
 bool ScoreShape(const fs::path& truth,
+                const std::optional<JointPositions>& truth_joints,
                 const FittedPose& fitted,
                 const EvaluateOptions& options,
                 PoseScore* score) {
   bool any = false;
-  if (fitted.joints && fs::exists(truth / "joints.json")) {
-    score->joints =
-        CompareJoints(*fitted.joints, LoadTruthJoints(truth / "joints.json"));
+  if (fitted.joints && truth_joints) {
+    score->joints = CompareJoints(*fitted.joints, *truth_joints);
     any = true;
   }
   if (fitted.mesh && fs::exists(truth / "surface.ply")) {
@@ -255,7 +260,8 @@ PoseScore ScoreAgainstTruth(const Capture& capture,
           return TruthMask(capture, pose_name, camera, of_camera);
         });
   }
-  ScoreShape(TruthFolder(capture, pose_name), fitted, options, &score);
+  const fs::path truth = TruthFolder(capture, pose_name);
+  ScoreShape(truth, FindTruthJoints(truth), fitted, options, &score);
   return score;
 }
 
@@ -304,15 +310,16 @@ Evaluation EvaluateResult(const Capture& capture,
         ScoreSilhouettes(capture, *fitted.mesh, record.cameras, reference);
     if (options.truth) {
       const fs::path truth = TruthFolder(capture, pose.name);
-      if (fs::exists(truth / "joints.json")) {
+      const std::optional<JointPositions> truth_joints = FindTruthJoints(truth);
+      if (truth_joints) {
         fitted.joints = FittedJoints(result_folder, pose.name);
         const fs::path landmarks = result_folder / "landmarks.json";
         if (fs::exists(landmarks)) {
-          score.landmarks = ScoreLandmarks(
-              landmarks, pose.name, LoadTruthJoints(truth / "joints.json"));
+          score.landmarks =
+              ScoreLandmarks(landmarks, pose.name, *truth_joints);
         }
       }
-      has_truth |= ScoreShape(truth, fitted, options, &score) ||
+      has_truth |= ScoreShape(truth, truth_joints, fitted, options, &score) ||
                    fs::exists(truth / "masks");
     }
     evaluation.poses.push_back(score);
