@@ -59,6 +59,21 @@ double SilhouetteCone::Distance(double u, double v) const {
   return a + fv * (b - a);
 }
 
+bool SilhouetteCone::Evaluate(const Eigen::Vector3d& point_in_world,
+                              double* phi) const {
+  const Eigen::Vector3d p =
+      pixel_from_world_ * point_in_world + world_in_pixel_;
+  if (!(p.z() > 0)) return false;
+  const double u = p.x() / p.z();
+  const double v = p.y() / p.z();
+  if (!(u >= -0.5 && v >= -0.5 && u <= signed_distance_.cols - 0.5 &&
+        v <= signed_distance_.rows - 0.5)) {
+    return false;
+  }
+  *phi = Distance(u, v) * p.z() / focal_length_;
+  return true;
+}
+
 void SilhouetteCone::RaiseBlock(const Eigen::Vector3d& first_in_world,
                                 double voxel_size,
                                 float limit,

@@ -26,6 +26,9 @@ class SilhouetteCone {
  public:
   explicit SilhouetteCone(const View& view);
 
+  // False when the camera does not see the point.
+  bool Evaluate(const Eigen::Vector3d& point_in_world, double* phi) const;
+
   // Raises the field of a block to phi at the voxels that the camera sees, but
   // for those that have reached `limit`, and counts the camera there. Offsets
   // as in BlockGrid; the first voxel is centred at `first_in_world`.

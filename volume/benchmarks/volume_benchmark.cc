@@ -65,10 +65,7 @@ void BuildDense(benchmark::State& state) {
           double most = -1;
           for (const SilhouetteCone& cone : cones) {
             double phi = 0;
-            if (cone.EvaluateBall(point, 0, &phi) ==
-                SilhouetteCone::Sees::kAll) {
-              most = std::max(most, phi);
-            }
+            if (cone.Evaluate(point, &phi)) most = std::max(most, phi);
           }
           grid[i] = static_cast<float>(most);
         }
