@@ -315,8 +315,7 @@ Evaluation EvaluateResult(const Capture& capture,
         fitted.joints = FittedJoints(result_folder, pose.name);
         const fs::path landmarks = result_folder / "landmarks.json";
         if (fs::exists(landmarks)) {
-          score.landmarks =
-              ScoreLandmarks(landmarks, pose.name, *truth_joints);
+          score.landmarks = ScoreLandmarks(landmarks, pose.name, *truth_joints);
         }
       }
       has_truth |= ScoreShape(truth, truth_joints, fitted, options, &score) ||

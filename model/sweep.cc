@@ -13,8 +13,8 @@ namespace {
 
 // Legs of a rounded corner in units of the radius at the joint and of the
 // bones. With 1.5 radii the sections do not fold over until about 92 degrees;
-// 0.35 leaves the middle of each bone straight. The trunk is deep for the length
-// of its bones: it bends over more of them.
+// 0.35 leaves the middle of each bone straight. The trunk is deep for the
+// length of its bones: it bends over more of them.
 constexpr double kLegByRadius = 1.5;
 constexpr double kLegByBone = 0.35;
 constexpr double kLegByBoneOfTrunk = 0.48;

@@ -28,21 +28,21 @@ struct LocalOptions {
   // the template, times the feature weight.
   std::string mode = "rim";
   int rounds = 3;
-  double sigma_rim = 0.0015;      // metres
-  double sigma_hull = 0.0015;     // metres beyond the hull
-  double sigma_around = 0.05;     // second difference of q around a section
-  double sigma_along = 0.10;      // and along the sweep
-  double sigma_magnitude = 0.7;   // of q itself
-  double sigma_symmetry = 0.01;   // of q between left and right
+  double sigma_rim = 0.0015;     // metres
+  double sigma_hull = 0.0015;    // metres beyond the hull
+  double sigma_around = 0.05;    // second difference of q around a section
+  double sigma_along = 0.10;     // and along the sweep
+  double sigma_magnitude = 0.7;  // of q itself
+  double sigma_symmetry = 0.01;  // of q between left and right
   std::optional<std::string> Check() const;
 };
 
 struct RefineOptions {
   bool enabled = true;
   int rounds = 3;
-  double sigma_rim = 0.0015;       // metres
-  double sigma_smooth = 0.0008;    // metres, a vertex against its neighbours
-  double sigma_magnitude = 0.03;   // metres
+  double sigma_rim = 0.0015;      // metres
+  double sigma_smooth = 0.0008;   // metres, a vertex against its neighbours
+  double sigma_magnitude = 0.03;  // metres
   std::optional<std::string> Check() const;
 };
 

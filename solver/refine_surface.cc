@@ -216,10 +216,12 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
       SmoothnessMatrix(*body, options.sigma_smooth);
   const std::vector<bool> thin = FindThin(*body);
   for (int i = 0; i < n; ++i) {
-    const double share = thin[i]                             ? kThinShare
-                         : IsDetail(body->topology.part[i]) ? kDetailShare
-                                                             : 1;
-    const double sigma = share * options.sigma_magnitude;
+    double sigma = options.sigma_magnitude;
+    if (thin[i]) {
+      sigma *= kThinShare;
+    } else if (IsDetail(body->topology.part[i])) {
+      sigma *= kDetailShare;
+    }
     smooth.coeffRef(i, i) += 1 / (sigma * sigma);
   }
 

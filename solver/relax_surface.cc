@@ -17,8 +17,8 @@ constexpr int kMaxRounds = 240;
 constexpr int kRoundsPerRing = 10;
 constexpr int kMaxRings = 12;
 constexpr double kStep = 0.6;
-// A face has turned below this cosine to its normal on the reference: 60 degrees.
-// One that stands nearly upright on the skin turns over in motion.
+// A face has turned below this cosine to its normal on the reference: 60
+// degrees. One that stands nearly upright on the skin turns over in motion.
 constexpr double kMinCosine = 0.5;
 // Edges longer than this many times that of the reference are torn.
 constexpr double kMaxStretch = 3.5;
