@@ -421,12 +421,15 @@ std::optional<std::string> SegmentOptions::Check() const {
   return std::nullopt;
 }
 
-std::vector<View> Segment(const Capture& capture,
-                          const CapturePose& pose,
-                          const std::vector<std::string>& camera_ids,
-                          const SegmentOptions& options,
-                          Progress* progress,
-                          StageSummary* summary) {
+namespace {
+
+// The views that can be used, however few.
+std::vector<View> SegmentUsable(const Capture& capture,
+                                const CapturePose& pose,
+                                const std::vector<std::string>& camera_ids,
+                                const SegmentOptions& options,
+                                Progress* progress,
+                                StageSummary* summary) {
   if (const auto error = options.Check()) throw InputError(*error);
   const auto warn = [&](const std::string& text) {
     summary->warnings.push_back(text);
@@ -461,6 +464,19 @@ std::vector<View> Segment(const Capture& capture,
     }
   }
   summary->status = summary->warnings.empty() ? "ok" : "weak";
+  return views;
+}
+
+}  // namespace
+
+std::vector<View> Segment(const Capture& capture,
+                          const CapturePose& pose,
+                          const std::vector<std::string>& camera_ids,
+                          const SegmentOptions& options,
+                          Progress* progress,
+                          StageSummary* summary) {
+  std::vector<View> views =
+      SegmentUsable(capture, pose, camera_ids, options, progress, summary);
   if (views.size() < 2) {
     summary->status = "failed";
     std::string text = "pose " + pose.name + ": " +
@@ -470,6 +486,18 @@ std::vector<View> Segment(const Capture& capture,
     throw FitError(text);
   }
   return views;
+}
+
+std::optional<View> SegmentOne(const Capture& capture,
+                               const CapturePose& pose,
+                               const std::string& camera_id,
+                               const SegmentOptions& options,
+                               Progress* progress,
+                               StageSummary* summary) {
+  std::vector<View> views =
+      SegmentUsable(capture, pose, {camera_id}, options, progress, summary);
+  if (views.empty()) return std::nullopt;
+  return std::move(views.front());
 }
 
 }  // namespace sweepfit

@@ -63,6 +63,15 @@ std::vector<View> Segment(const Capture& capture,
                           Progress* progress,
                           StageSummary* summary);
 
+// The same for the picture of one camera alone, without a least number of
+// views: none where Segment would leave the camera out.
+std::optional<View> SegmentOne(const Capture& capture,
+                               const CapturePose& pose,
+                               const std::string& camera_id,
+                               const SegmentOptions& options,
+                               Progress* progress,
+                               StageSummary* summary);
+
 // Signed distance in pinhole pixels of a coverage mask given in the picture as
 // taken. Exact to the polyline within 3 px, a few hundredths of a pixel beyond.
 // The picture's frame is no boundary: where it cuts the person, the distance is

@@ -295,14 +295,13 @@ Evaluation EvaluateResult(const Capture& capture,
       if (!pose.images.contains(camera.id)) return mask;
       score->reference = "segmented";
       StageSummary summary;
-      return Segment(capture,
-                     pose,
-                     {camera.id},
-                     record.config.options.segment,
-                     progress,
-                     &summary)
-          .front()
-          .coverage;
+      const std::optional<View> view = SegmentOne(capture,
+                                                  pose,
+                                                  camera.id,
+                                                  record.config.options.segment,
+                                                  progress,
+                                                  &summary);
+      return view ? view->coverage : mask;
     };
     PoseScore score;
     score.pose = pose.name;

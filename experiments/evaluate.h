@@ -63,6 +63,7 @@ PoseScore ScoreAgainstTruth(const Capture& capture,
 // camera and compared with truth/<pose>/masks/<camera>.png where there is one,
 // else with the result's own masks/, else (cameras that the fit did not use)
 // with the silhouette segmented from the picture as the result's fit.yaml says.
+// A camera in which nobody can be found is left out with a warning.
 // With options.truth also truth/<pose>/joints.json (joints, and landmarks.json
 // where the result has one) and surface.ply (metres, +Y up). InputError when
 // the folder is no result, has no mesh, or when truth is asked for and there is

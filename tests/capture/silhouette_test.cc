@@ -299,6 +299,21 @@ TEST_F(SegmentTest, NobodyThereIsAFailedFit) {
   EXPECT_EQ(summary_.status, "failed");
 }
 
+TEST_F(SegmentTest, OneCameraAloneIsSegmentedOrLeftOut) {
+  AddCamera("empty", {.person = false});
+  AddCamera("good", {});
+  const CapturePose& pose = capture_.poses[0];
+  const std::optional<View> view =
+      SegmentOne(capture_, pose, "good", options_, nullptr, &summary_);
+  ASSERT_TRUE(view.has_value());
+  ExpectGood(*view);
+  EXPECT_THAT(summary_.warnings, ::testing::IsEmpty());
+  EXPECT_FALSE(
+      SegmentOne(capture_, pose, "empty", options_, nullptr, &summary_));
+  ASSERT_EQ(summary_.warnings.size(), 1u);
+  EXPECT_THAT(summary_.warnings[0], HasSubstr("camera empty is left out"));
+}
+
 TEST_F(SegmentTest, GivenMasksArePreferredAndChecked) {
   AddCamera("a", {});
   AddCamera("b", {});

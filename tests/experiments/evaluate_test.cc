@@ -18,6 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 TriangleMesh Sphere(double radius) {
   constexpr int kRings = 48, kColumns = 96;
@@ -198,6 +199,45 @@ TEST_F(EvaluateTest, FallsBackToTheResultsOwnMasks) {
   // A camera without any silhouette or picture is left out.
   fs::remove(result_ / "masks" / "A_c1.png");
   EXPECT_EQ(Evaluate(false).poses[0].cameras.size(), 2u);
+}
+
+// Remembers what was warned of.
+class Warnings : public Progress {
+ public:
+  void Stage(const std::string&, const std::string&) override {}
+  void Warning(const std::string& text) override { said.push_back(text); }
+  std::vector<std::string> said;
+};
+
+// A camera that the fit did not use, in a capture without true masks.
+TEST_F(EvaluateTest, SegmentsCamerasThatTheFitDidNotUse) {
+  fs::remove_all(truth_ / "masks");
+  fs::remove(result_ / "masks" / "A_c1.png");
+  CaptureCamera& entry = capture_.cameras[1];
+  entry.camera.K.topLeftCorner<2, 2>() *= 0.5;  // a ball that fills no picture
+  cv::Mat3b picture(160, 160, cv::Vec3b(200, 200, 200));
+  ASSERT_TRUE(cv::imwrite((capture_.folder / "plate.png").string(), picture));
+  entry.background = {"plate.png"};
+  picture.setTo(cv::Vec3b(40, 60, 160),
+                RenderCoverage(entry.camera, Sphere(0.50)) > 0.5);
+  ASSERT_TRUE(cv::imwrite((capture_.folder / "seen.png").string(), picture));
+  capture_.poses[0].images["c1"] = "seen.png";
+  Warnings warnings;
+  const auto evaluate = [&] {
+    return EvaluateResult(capture_, result_, {}, &warnings).poses[0].cameras;
+  };
+  std::vector<CameraScore> cameras = evaluate();
+  ASSERT_EQ(cameras.size(), 3u);
+  EXPECT_EQ(cameras[1].reference, "segmented");
+  EXPECT_NEAR(cameras[1].error.iou, std::pow(0.50 / 0.51, 2), 0.02);
+  EXPECT_THAT(warnings.said, IsEmpty());
+
+  // Nobody is seen: the camera is no measure of the fit.
+  capture_.poses[0].images["c1"] = "plate.png";
+  cameras = evaluate();
+  ASSERT_EQ(cameras.size(), 2u);
+  ASSERT_EQ(warnings.said.size(), 1u);
+  EXPECT_THAT(warnings.said[0], HasSubstr("camera c1 is left out"));
 }
 
 TEST_F(EvaluateTest, SaysWhenHoldoutCamerasWereUsed) {
