@@ -10,12 +10,11 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <vector>
 
+#include "model/file_io.h"
+#include "model/hash.h"
 #include "model/input_error.h"
 
 namespace sweepfit {
@@ -52,18 +51,9 @@ openvdb::FloatGrid::Ptr EmptyLevelSet(double voxel_size, double band) {
 constexpr size_t kUuidOffset = 21;
 constexpr size_t kUuidLength = 36;
 
-// FNV-1a over the bytes; `basis` selects one of several hash functions.
-std::uint64_t Hash(const std::string& bytes, std::uint64_t basis) {
-  std::uint64_t hash = basis;
-  for (const char c : bytes) {
-    hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
-  }
-  return hash;
-}
-
 std::string UuidOf(const std::string& bytes) {
-  const std::uint64_t a = Hash(bytes, 0xcbf29ce484222325ULL);
-  const std::uint64_t b = Hash(bytes, 0x9e3779b97f4a7c15ULL);
+  const std::uint64_t a = FnvHash(bytes);
+  const std::uint64_t b = FnvHash(bytes, 0x9e3779b97f4a7c15ULL);
   // Version 8 ("custom"), variant 1.
   char text[kUuidLength + 1];
   std::snprintf(text,
@@ -145,29 +135,21 @@ TriangleMesh MeshVdbGrid(const VdbGrid& vdb) {
 }
 
 void SaveVdbGrid(const VdbGrid& vdb, const std::string& path) {
-  // OpenVDB writes files only; the part file is ours to patch and rename.
-  const std::string part = path + ".part";
+  // OpenVDB writes files only; this one is ours to read, and goes in any case.
+  struct PartFile {
+    std::string path;
+    ~PartFile() { std::remove(path.c_str()); }
+  };
+  const PartFile part{path + ".part"};
   try {
-    {
-      openvdb::io::File file(part);
-      file.write({vdb.grid});
-    }
-    std::ifstream in(part, std::ios::binary);
-    std::string bytes((std::istreambuf_iterator<char>(in)),
-                      std::istreambuf_iterator<char>());
-    OverwriteUuid(&bytes);
-    std::ofstream out(part, std::ios::binary | std::ios::trunc);
-    out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-    out.close();
-    if (!out) throw InputError(path + ": cannot be written");
-    std::filesystem::rename(part, path);
+    openvdb::io::File file(part.path);
+    file.write({vdb.grid});
   } catch (const openvdb::Exception& error) {
-    std::remove(part.c_str());
     throw InputError(path + ": cannot be written: " + error.what());
-  } catch (const std::filesystem::filesystem_error& error) {
-    std::remove(part.c_str());
-    throw InputError(path + ": cannot be written: " + error.code().message());
   }
+  std::string bytes = ReadWholeFile(part.path);
+  OverwriteUuid(&bytes);
+  WriteWholeFile(bytes, path);
 }
 
 }  // namespace sweepfit

@@ -154,8 +154,8 @@ std::vector<View> FromAbove(const std::vector<double>& azimuths,
   }
   return views;
 }
-const std::vector<double> kAllAround = {0, 0.785, 1.57, 2.36, 3.14, 3.93, 4.71,
-                                        5.5};
+const std::vector<double> kAllAround = {
+    0, 0.785, 1.57, 2.36, 3.14, 3.93, 4.71, 5.5};
 
 // Seen from above the hull goes on below the feet.
 TEST(FloorTest, LiesUnderTheFeetAndNotUnderTheHull) {
@@ -229,6 +229,17 @@ TEST(HullTest, SameBytesEveryTime) {
   EXPECT_NE(bytes.substr(21, 36), Bytes(second).substr(21, 36));
   std::filesystem::remove(first);
   std::filesystem::remove(second);
+}
+
+TEST(HullTest, WhatCannotBeSavedLeavesNothing) {
+  const Capsule body{{0, 0.2, 0}, {0, 1.5, 0}, 0.2};
+  const Volume hull = Hull(RenderRing({body}, {0, 0.85, 0}, 4, kSize));
+  const auto taken = TempFile("taken.vdb");
+  std::filesystem::create_directories(taken / "by_a_folder");
+  EXPECT_THROW(hull.SaveVdb(taken.string()), InputError);
+  EXPECT_FALSE(std::filesystem::exists(taken.string() + ".part"));
+  EXPECT_THROW(hull.SaveVdb("/no/such/folder/hull.vdb"), InputError);
+  std::filesystem::remove_all(taken);
 }
 
 TEST(HullTest, SaysWhyItCannot) {
