@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <string>
 
@@ -11,6 +10,7 @@
 #include "apps/verbs.h"
 #include "experiments/evaluate.h"
 #include "experiments/fit_to_folder.h"
+#include "model/file_io.h"
 #include "model/input_error.h"
 
 namespace sweepfit {
@@ -23,13 +23,6 @@ struct DemoArguments {
   std::string out = "sweepfit-demo";
   SyntheticOptions synthetic;
 };
-
-void WriteText(const fs::path& path, const std::string& text) {
-  std::ofstream file(path, std::ios::binary);
-  file << text;
-  file.close();
-  if (!file) throw InputError(path.string() + ": cannot write the file");
-}
 
 void CreateFolder(const fs::path& folder) {
   std::error_code error;
@@ -52,8 +45,9 @@ void RunDemo(const DemoArguments& arguments) {
   options.truth = true;
   const Evaluation evaluation =
       EvaluateResult(capture, out / "result", options, runtime.progress());
-  WriteText(out / "accuracy.txt", EvaluationTable(evaluation));
-  WriteText(out / "accuracy.json", EvaluationToJson(evaluation).dump(1) + "\n");
+  WriteWholeFile(EvaluationTable(evaluation), (out / "accuracy.txt").string());
+  WriteWholeFile(EvaluationToJson(evaluation).dump(1) + "\n",
+                 (out / "accuracy.json").string());
   runtime.progress()->Clear();
   if (runtime.quiet()) return;
   std::fputs(EvaluationTable(evaluation).c_str(), stdout);

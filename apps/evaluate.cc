@@ -2,14 +2,13 @@
 #include "experiments/evaluate.h"
 
 #include <cstdio>
-#include <fstream>
 #include <memory>
 #include <string>
 
 #include "apps/runtime.h"
 #include "apps/verbs.h"
 #include "capture/capture.h"
-#include "model/input_error.h"
+#include "model/file_io.h"
 
 namespace sweepfit {
 namespace {
@@ -29,10 +28,7 @@ void RunEvaluate(const EvaluateArguments& arguments) {
       capture, arguments.result, arguments.options, runtime.progress());
   runtime.progress()->Clear();
   if (!arguments.json.empty()) {
-    std::ofstream file(arguments.json, std::ios::binary);
-    file << EvaluationToJson(evaluation).dump(1) << "\n";
-    file.close();
-    if (!file) throw InputError(arguments.json + ": cannot write the file");
+    WriteWholeFile(EvaluationToJson(evaluation).dump(1) + "\n", arguments.json);
   }
   if (!runtime.quiet()) {
     std::fputs(EvaluationTable(evaluation).c_str(), stdout);

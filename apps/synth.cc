@@ -2,14 +2,13 @@
 #include "apps/synth.h"
 
 #include <cstdio>
-#include <fstream>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "apps/runtime.h"
 #include "apps/verbs.h"
 #include "experiments/output_folder.h"
+#include "model/file_io.h"
 #include "model/input_error.h"
 
 namespace sweepfit {
@@ -24,24 +23,6 @@ struct SynthArguments {
   int size = 0;  // set from the options' default
   bool masks = false;
 };
-
-void WriteMarker(const std::filesystem::path& folder,
-                 const SyntheticOptions& options) {
-  const nlohmann::ordered_json json = {{"seed", options.seed},
-                                       {"num_cameras", options.num_cameras},
-                                       {"width", options.width},
-                                       {"height", options.height},
-                                       {"poses", options.poses},
-                                       {"yaw_degrees", options.yaw_degrees},
-                                       {"shift_x", options.shift_x},
-                                       {"shift_z", options.shift_z},
-                                       {"noise", options.noise},
-                                       {"background", options.background}};
-  std::ofstream file(folder / kMarker);
-  file << json.dump(1) << "\n";
-  file.close();
-  if (!file) throw InputError((folder / kMarker).string() + ": cannot write");
-}
 
 void RunSynth(const SynthArguments& arguments) {
   Runtime runtime(arguments.common);
@@ -63,7 +44,8 @@ Capture MakeSyntheticCapture(const std::filesystem::path& folder,
   if (const auto error = options.Check()) throw InputError("synth: " + *error);
   OutputFolder output(folder, kMarker);
   WriteSyntheticCapture(output.temporary(), options, progress);
-  WriteMarker(output.temporary(), options);
+  WriteWholeFile(SyntheticOptionsToJson(options).dump(1) + "\n",
+                 (output.temporary() / kMarker).string());
   output.Commit();
   return LoadCapture(folder);
 }

@@ -170,13 +170,6 @@ std::string Format(const char* format, auto... values) {
   return text;
 }
 
-Json ErrorToJson(const SilhouetteError& error) {
-  return {{"iou", error.iou},
-          {"boundary_mean", error.boundary_mean},
-          {"boundary_p95", error.boundary_p95},
-          {"signed_mean", error.signed_mean}};
-}
-
 Json ErrorToJson(const JointError& error) {
   Json per_joint = Json::object(), offset = Json::object();
   for (int joint = 0; joint < kNumJoints; ++joint) {

@@ -5,7 +5,6 @@
 #include <cctype>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -18,6 +17,7 @@
 #include "capture/silhouette.h"
 #include "capture/up_axis.h"
 #include "experiments/output_folder.h"
+#include "model/file_io.h"
 #include "model/input_error.h"
 #include "volume/person_height.h"
 
@@ -507,10 +507,7 @@ void Import::WriteMarker() const {
       {"metres_per_unit", report_.metres_per_unit},
       {"up", {up.x(), up.y(), up.z()}},
       {"notes", report_.notes}};
-  std::ofstream file(folder_ / kMarker);
-  file << json.dump(1) << "\n";
-  file.close();
-  if (!file) throw InputError((folder_ / kMarker).string() + ": cannot write");
+  WriteWholeFile(json.dump(1) + "\n", (folder_ / kMarker).string());
 }
 
 ImportReport Import::Run() {

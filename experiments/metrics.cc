@@ -10,7 +10,6 @@
 #include <fstream>
 #include <limits>
 #include <nanoflann.hpp>
-#include <nlohmann/json.hpp>
 #include <numeric>
 
 #include "experiments/random.h"
@@ -250,6 +249,13 @@ SilhouetteError CompareMasks(const cv::Mat1f& mask, const cv::Mat1f& truth) {
   error.boundary_p95 = Percentile(distances, 95);
   error.signed_mean = Mean(signed_distances);
   return error;
+}
+
+nlohmann::ordered_json ErrorToJson(const SilhouetteError& error) {
+  return {{"iou", error.iou},
+          {"boundary_mean", error.boundary_mean},
+          {"boundary_p95", error.boundary_p95},
+          {"signed_mean", error.signed_mean}};
 }
 
 JointError CompareJoints(const JointPositions& joints,

@@ -4,6 +4,7 @@
 #include <array>
 #include <filesystem>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
@@ -26,6 +27,7 @@ struct SilhouetteError {
 // infinite when only one of the masks has a boundary (signed_mean then says
 // which: +inf, -inf) and 0 when none has.
 SilhouetteError CompareMasks(const cv::Mat1f& mask, const cv::Mat1f& truth);
+nlohmann::ordered_json ErrorToJson(const SilhouetteError& error);
 
 // The joints of the limbs, where rigs agree best on what a joint is.
 inline constexpr std::array kLimbJoints = {kLShoulder,

@@ -7,15 +7,16 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
 #include "capture/render.h"
+#include "experiments/metrics.h"
 #include "experiments/overlay.h"
 #include "experiments/report_html.h"
 #include "experiments/version.h"
 #include "model/body_io.h"
 #include "model/bvh.h"
+#include "model/file_io.h"
 #include "model/gltf.h"
 #include "model/input_error.h"
 #include "model/obj.h"
@@ -32,13 +33,6 @@ constexpr int kRenderHeight = 640;
 double SecondsSince(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start)
       .count();
-}
-
-void WriteText(const fs::path& path, const std::string& text) {
-  std::ofstream file(path, std::ios::binary);
-  file << text;
-  file.close();
-  if (!file) throw InputError(path.string() + ": cannot write the file");
 }
 
 void WritePicture(const fs::path& path, const cv::Mat& picture) {
@@ -65,13 +59,6 @@ Json ToJson(const Eigen::DenseBase<Derived>& values) {
     }
   }
   return list;
-}
-
-Json ErrorToJson(const SilhouetteError& error) {
-  return {{"iou", error.iou},
-          {"boundary_mean", error.boundary_mean},
-          {"boundary_p95", error.boundary_p95},
-          {"signed_mean", error.signed_mean}};
 }
 
 // One picture of one pose with everything that is known of it.
@@ -102,15 +89,14 @@ class Writer {
 
   Json Write() {
     const auto start = std::chrono::steady_clock::now();
-    WriteText(folder_ / "fit.yaml", FitConfigToYaml(input_.config));
+    Save(FitConfigToYaml(input_.config), "fit.yaml");
     if (RunsStage(options_, "landmarks")) {
-      WriteText(folder_ / "landmarks.json",
-                Dump(LandmarksToJson(result_.poses)));
+      Save(Dump(LandmarksToJson(result_.poses)), "landmarks.json");
     }
     Json joints = Json::object();
     if (RunsStage(options_, "joints")) {
       joints = JointsToJson(result_.poses);
-      WriteText(folder_ / "joints.json", Dump(joints));
+      Save(Dump(joints), "joints.json");
       WritePosesBvh();
     }
     tbb::parallel_invoke(
@@ -129,12 +115,16 @@ class Writer {
         [this] { WriteViews(); },
         [this] { WriteSilhouetteSheet(); });
     const Json report = Report(SecondsSince(start));
-    WriteText(folder_ / "report.html", ReportHtml(report, joints, pictures_));
-    WriteText(folder_ / kReportFile, Dump(report));
+    Save(ReportHtml(report, joints, pictures_), "report.html");
+    Save(Dump(report), kReportFile);
     return report;
   }
 
  private:
+  void Save(const std::string& bytes, const char* name) const {
+    WriteWholeFile(bytes, (folder_ / name).string());
+  }
+
   const TriangleMesh& MeshOf(const PoseResult& pose) const {
     return meshes_[&pose - result_.poses.data()];
   }
@@ -271,8 +261,7 @@ class Writer {
   // Encoded once, for the model too.
   void WriteTexture() {
     cv::imencode(".png", result_.texture->atlas, texture_png_);
-    WriteText(folder_ / "texture.png",
-              std::string(texture_png_.begin(), texture_png_.end()));
+    Save(std::string(texture_png_.begin(), texture_png_.end()), "texture.png");
     pictures_.texture = "texture.png";
   }
 

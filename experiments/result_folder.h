@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "capture/capture.h"
-#include "experiments/metrics.h"
 #include "model/progress.h"
 #include "solver/config.h"
 #include "solver/pipeline.h"
@@ -16,13 +15,6 @@ namespace sweepfit {
 
 // The file that tells a result folder from any other.
 inline constexpr char kReportFile[] = "report.json";
-
-// How the fitted mesh of one pose covers the silhouette of one camera.
-struct ViewScore {
-  std::string pose;
-  std::string camera_id;
-  SilhouetteError error;
-};
 
 // What a result folder is written from.
 struct ResultInput {

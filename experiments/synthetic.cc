@@ -7,8 +7,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
-#include <nlohmann/json.hpp>
 #include <numbers>
 #include <opencv2/imgcodecs.hpp>
 #include <set>
@@ -20,6 +18,7 @@
 #include "experiments/synthetic_raster.h"
 #include "experiments/synthetic_room.h"
 #include "experiments/synthetic_surface.h"
+#include "model/file_io.h"
 #include "model/input_error.h"
 
 namespace sweepfit {
@@ -214,9 +213,7 @@ void WriteJoints(const fs::path& path,
     const Vector3d& p = joint_in_world[j];
     document["joints"][std::string(kJointNames[j])] = {p.x(), p.y(), p.z()};
   }
-  std::ofstream file(path);
-  file << document.dump(1) << "\n";
-  if (!file.flush()) throw InputError(path.string() + ": cannot be written");
+  WriteWholeFile(document.dump(1) + "\n", path.string());
 }
 
 void WriteTruth(const fs::path& folder, const Subject& subject) {
@@ -318,6 +315,19 @@ std::optional<std::string> SyntheticOptions::Check() const {
   }
   if (!(noise >= 0 && noise <= 50)) return "noise must be 0 to 50";
   return std::nullopt;
+}
+
+nlohmann::ordered_json SyntheticOptionsToJson(const SyntheticOptions& options) {
+  return {{"seed", options.seed},
+          {"num_cameras", options.num_cameras},
+          {"width", options.width},
+          {"height", options.height},
+          {"poses", options.poses},
+          {"yaw_degrees", options.yaw_degrees},
+          {"shift_x", options.shift_x},
+          {"shift_z", options.shift_z},
+          {"noise", options.noise},
+          {"background", options.background}};
 }
 
 Capture WriteSyntheticCapture(const fs::path& folder,

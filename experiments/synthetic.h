@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -26,6 +27,7 @@ struct SyntheticOptions {
   bool background = true;
   std::optional<std::string> Check() const;
 };
+nlohmann::ordered_json SyntheticOptionsToJson(const SyntheticOptions& options);
 
 // Writes a capture folder with pictures, plates and ground truth (joints,
 // surface, masks) of a person that the template does not know: a smooth union
