@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
 
@@ -13,6 +14,7 @@
 #include "experiments/output_folder.h"
 #include "experiments/portraits.h"
 #include "model/body_io.h"
+#include "model/file_io.h"
 #include "model/gltf.h"
 #include "model/input_error.h"
 #include "model/template_import.h"
@@ -22,7 +24,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kMarker[] = "body.json";
+// A fit writes a body.json too: it must not be taken for a template.
+constexpr char kMarker[] = "template.json";
 constexpr int kCloseUpsPerRow = 4;
 
 struct TemplateArguments {
@@ -56,6 +59,19 @@ Body ReadOrBuild(const TemplateArguments& arguments, Progress* progress) {
   return ImportTemplate(arguments.from, arguments.names, progress);
 }
 
+// How the body was made.
+void WriteMarker(const TemplateArguments& arguments, const fs::path& path) {
+  const TemplateOptions& options = arguments.options;
+  const nlohmann::ordered_json json =
+      arguments.from.empty()
+          ? nlohmann::ordered_json({{"sex", options.sex},
+                                    {"stature", options.stature},
+                                    {"mass", options.mass}})
+          : nlohmann::ordered_json(
+                {{"from", arguments.from}, {"names", arguments.names}});
+  WriteWholeFile(json.dump(1) + "\n", path.string());
+}
+
 void RunTemplate(const TemplateArguments& arguments) {
   Runtime runtime(arguments.common);
   if (arguments.size < 64 || arguments.size > 4096)
@@ -64,7 +80,8 @@ void RunTemplate(const TemplateArguments& arguments) {
   const fs::path& folder = output.temporary();
   runtime.progress()->Stage("template", "");
   const Body body = ReadOrBuild(arguments, runtime.progress());
-  SaveBody(body, (folder / kMarker).string());
+  WriteMarker(arguments, folder / kMarker);
+  SaveBody(body, (folder / "body.json").string());
   TriangleMesh mesh;
   mesh.vertices = RestVertices(body);
   mesh.triangles = TriangulateQuads(body.topology.quads, mesh.vertices);

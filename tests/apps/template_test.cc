@@ -104,6 +104,24 @@ TEST(Template, AForeignRigIsImportedAndFitted) {
   EXPECT_THAT(unknown.err, HasSubstr("map file"));
 }
 
+TEST(Template, ReplacesATemplateAndNoFit) {
+  TemporaryFolder scratch;
+  const std::string out = (scratch.path() / "out").string();
+  std::filesystem::create_directory(out);
+  WriteBytes(scratch.path() / "out" / "body.json", "of a fit");
+  const std::vector<std::string> arguments = {
+      "template", "--out", out, "--size", "64"};
+  const CommandOutcome refused = RunCommand(arguments, scratch.path());
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_THAT(refused.err, HasSubstr("is not replaced"));
+  EXPECT_EQ(ReadBytes(scratch.path() / "out" / "body.json"), "of a fit");
+  std::filesystem::remove_all(out);
+  for (int i = 0; i < 2; ++i) {
+    const CommandOutcome outcome = RunCommand(arguments, scratch.path());
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+  }
+}
+
 TEST(Template, RefusesWhatCannotBe) {
   TemporaryFolder scratch;
   const CommandOutcome tall = RunCommand(
