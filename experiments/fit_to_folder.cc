@@ -51,6 +51,23 @@ std::vector<std::string> ResolveCameras(const Capture& capture,
   return cameras;
 }
 
+void MakeAbsolute(std::string* path) {
+  *path = std::filesystem::absolute(*path).lexically_normal().string();
+}
+
+void ResolvePaths(FitOptions* options) {
+  if (options->landmarks.keypoints != "none") {
+    MakeAbsolute(&options->landmarks.keypoints);
+  }
+  if (options->body_template.file != "generic") {
+    MakeAbsolute(&options->body_template.file);
+  }
+  // A file with names is told from a preset by these.
+  if (options->body_template.names.find_first_of("./") != std::string::npos) {
+    MakeAbsolute(&options->body_template.names);
+  }
+}
+
 }  // namespace
 
 FitConfig ResolveConfig(const Capture& capture, const FitConfig& config) {
@@ -63,6 +80,7 @@ FitConfig ResolveConfig(const Capture& capture, const FitConfig& config) {
   FitConfig resolved = config;
   resolved.poses = ResolvePoses(capture, config);
   resolved.cameras = ResolveCameras(capture, config);
+  ResolvePaths(&resolved.options);
   if (resolved.cameras->size() < 2) {
     throw InputError(capture.folder.string() +
                      ": a fit needs at least two cameras");

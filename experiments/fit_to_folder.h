@@ -11,7 +11,8 @@
 namespace sweepfit {
 
 // Fills in and checks what is left open: all poses; all cameras but those held
-// out ("all" as the only camera: every one). InputError names an unknown or
+// out ("all" as the only camera: every one); paths become absolute, so that the
+// configuration means the same from any folder. InputError names an unknown or
 // repeated pose or camera, and options out of range.
 FitConfig ResolveConfig(const Capture& capture, const FitConfig& config);
 
