@@ -17,12 +17,18 @@ struct CheckArguments {
   CommonArguments common;
   std::string capture;
   std::string json;
+  ConfigArguments config;
 };
 
 void RunCheck(const CheckArguments& arguments) {
   Runtime runtime(arguments.common);
-  const CaptureCheck check =
-      CheckCapture(LoadCapture(arguments.capture), runtime.progress());
+  const FitConfig config = ReadConfig(arguments.config);
+  if (const auto error = config.options.Check()) {
+    throw InputError("configuration: " + *error);
+  }
+  const CaptureCheck check = CheckCapture(LoadCapture(arguments.capture),
+                                          config.options.segment,
+                                          runtime.progress());
   runtime.progress()->Clear();
   if (!arguments.json.empty()) {
     WriteWholeFile(CheckToJson(check).dump(1) + "\n", arguments.json);
@@ -45,8 +51,12 @@ void AddCheckVerb(CLI::App* command, std::function<void()>* run) {
       ->required();
   verb->add_option(
       "--json", arguments->json, "Write the findings to this file");
+  AddConfigArguments(verb, &arguments->config);
   AddCommonArguments(verb, &arguments->common);
-  verb->footer("Example: sweepfit check captures/anna");
+  verb->footer(
+      "Example: sweepfit check captures/anna\n\n"
+      "Of the configuration counts how a fit finds the silhouettes: segment.* "
+      "(see sweepfit fit --help).");
   verb->callback(
       [arguments, run] { *run = [arguments] { RunCheck(*arguments); }; });
 }

@@ -19,21 +19,16 @@ struct FitArguments {
   CommonArguments common;
   std::string capture;
   std::string out;
-  std::string config;
-  std::vector<std::string> settings;
+  ConfigArguments config;
   std::vector<std::string> poses;
   std::vector<std::string> cameras;
   std::string until;
   std::string template_file;
 };
 
-// The file first, then single settings, then the arguments of their own.
-FitConfig ReadConfig(const FitArguments& arguments) {
-  FitConfig config;
-  if (!arguments.config.empty()) LoadFitConfig(arguments.config, &config);
-  for (const std::string& setting : arguments.settings) {
-    ApplySetting(setting, &config);
-  }
+// What has an argument of its own comes last.
+FitConfig ReadFitConfig(const FitArguments& arguments) {
+  FitConfig config = ReadConfig(arguments.config);
   if (!arguments.poses.empty()) config.poses = arguments.poses;
   if (!arguments.cameras.empty()) config.cameras = arguments.cameras;
   if (!arguments.until.empty()) config.options.until = arguments.until;
@@ -45,7 +40,7 @@ FitConfig ReadConfig(const FitArguments& arguments) {
 
 void RunFit(const FitArguments& arguments) {
   Runtime runtime(arguments.common);
-  const FitConfig config = ReadConfig(arguments);
+  const FitConfig config = ReadFitConfig(arguments);
   const Capture capture = LoadCapture(arguments.capture);
   const nlohmann::ordered_json report =
       FitToFolder(capture, config, arguments.out, runtime.progress());
@@ -80,9 +75,7 @@ void AddFitVerb(CLI::App* command, std::function<void()>* run) {
   verb->add_option("CAPTURE", arguments->capture, "Folder with capture.yaml")
       ->required();
   verb->add_option("--out", arguments->out, "Result folder")->required();
-  verb->add_option("--config", arguments->config, "Configuration file (YAML)");
-  verb->add_option("--set", arguments->settings, "Override: key=value ...")
-      ->expected(1, -1);
+  AddConfigArguments(verb, &arguments->config);
   verb->add_option("--poses", arguments->poses, "Poses to fit (default: all)")
       ->delimiter(',');
   verb->add_option("--cameras",

@@ -8,6 +8,8 @@
 #include <cstdio>
 #include <opencv2/core/utility.hpp>
 
+#include "model/joint_names.h"
+
 namespace sweepfit {
 namespace {
 
@@ -72,6 +74,29 @@ void AddCommonArguments(CLI::App* verb, CommonArguments* arguments) {
                    "not depend on it")
       ->check(CLI::Range(1, 1024));
   verb->add_flag("--quiet", arguments->quiet, "Print errors only");
+}
+
+void AddConfigArguments(CLI::App* verb, ConfigArguments* arguments) {
+  verb->add_option("--config", arguments->file, "Configuration file (YAML)");
+  verb->add_option("--set", arguments->settings, "Override: key=value ...")
+      ->expected(1, -1);
+}
+
+FitConfig ReadConfig(const ConfigArguments& arguments) {
+  FitConfig config;
+  if (!arguments.file.empty()) LoadFitConfig(arguments.file, &config);
+  for (const std::string& setting : arguments.settings) {
+    ApplySetting(setting, &config);
+  }
+  return config;
+}
+
+std::string JointNamePresetList() {
+  std::string list;
+  for (const JointNameMap& preset : JointNamePresets()) {
+    list += (list.empty() ? "" : ", ") + preset.name;
+  }
+  return list;
 }
 
 std::string OneLine(std::string text) {

@@ -4,6 +4,9 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 #include <string>
+#include <vector>
+
+#include "solver/config.h"
 
 namespace sweepfit {
 
@@ -13,6 +16,18 @@ struct CommonArguments {
   bool quiet = false;
 };
 void AddCommonArguments(CLI::App* verb, CommonArguments* arguments);
+
+// --config and --set.
+struct ConfigArguments {
+  std::string file;
+  std::vector<std::string> settings;
+};
+void AddConfigArguments(CLI::App* verb, ConfigArguments* arguments);
+// The file first, then single settings.
+FitConfig ReadConfig(const ConfigArguments& arguments);
+
+// The presets of joint names as a list, for --help.
+std::string JointNamePresetList();
 
 // Each adds one verb to the command; when the verb is chosen, `*run` becomes
 // its work.

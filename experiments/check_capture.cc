@@ -14,7 +14,6 @@
 #include <optional>
 
 #include "capture/plate.h"
-#include "capture/silhouette.h"
 #include "capture/up_axis.h"
 #include "model/input_error.h"
 #include "model/median.h"
@@ -103,8 +102,10 @@ PlateAgreement ComparePlate(const cv::Mat3f& picture, const cv::Mat3f& plate) {
 
 class Check {
  public:
-  Check(const Capture& capture, Progress* progress)
-      : capture_(capture), progress_(progress) {}
+  Check(const Capture& capture,
+        const SegmentOptions& options,
+        Progress* progress)
+      : capture_(capture), options_(options), progress_(progress) {}
 
   CaptureCheck Run();
 
@@ -135,6 +136,7 @@ class Check {
   void ExpectAccuracy();
 
   const Capture& capture_;
+  const SegmentOptions& options_;
   Progress* progress_;
   CaptureCheck check_;
   std::vector<std::vector<View>> poses_;
@@ -247,7 +249,7 @@ void Check::SegmentPoses() {
     StageSummary summary;
     std::vector<View> views;
     try {
-      views = Segment(capture_, pose, ids, SegmentOptions(), nullptr, &summary);
+      views = Segment(capture_, pose, ids, options_, nullptr, &summary);
     } catch (const FitError& error) {
       check_.failures.push_back(error.what());
     }
@@ -428,12 +430,13 @@ void Check::CheckAround() {
     azimuths.push_back(camera.azimuth);
   }
   check_.num_fit_cameras = static_cast<int>(azimuths.size());
-  constexpr int kFew = 3;
-  if (check_.num_fit_cameras < kFew) {
+  constexpr int kFewest = 2;
+  if (check_.num_fit_cameras < kFewest) {
     check_.failures.push_back(
-        Format("only %d cameras can be used for a fit, and at least 3 are "
-               "needed, better 8",
-               check_.num_fit_cameras));
+        Format("only %d of the cameras can be used for a fit, and at least %d "
+               "are needed, better 8",
+               check_.num_fit_cameras,
+               kFewest));
     return;
   }
   if (!middle_in_world_) return;
@@ -513,8 +516,10 @@ CaptureCheck Check::Run() {
 
 }  // namespace
 
-CaptureCheck CheckCapture(const Capture& capture, Progress* progress) {
-  return Check(capture, progress).Run();
+CaptureCheck CheckCapture(const Capture& capture,
+                          const SegmentOptions& options,
+                          Progress* progress) {
+  return Check(capture, options, progress).Run();
 }
 
 std::string CheckTable(const CaptureCheck& check) {

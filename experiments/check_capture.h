@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "capture/capture.h"
+#include "capture/silhouette.h"
 #include "model/progress.h"
 #include "volume/coherence.h"
 
@@ -47,8 +48,11 @@ struct CaptureCheck {
 // Checks whether a capture can work, over all its poses and cameras, held out
 // ones included: units and up axis, the whole person in every picture,
 // coherence of the silhouettes (FindIncoherence), cameras around the person,
-// resolution, exposure and plates. InputError when pictures cannot be read.
-CaptureCheck CheckCapture(const Capture& capture, Progress* progress);
+// resolution, exposure and plates. The silhouettes are found as a fit with
+// these options finds them. InputError when pictures cannot be read.
+CaptureCheck CheckCapture(const Capture& capture,
+                          const SegmentOptions& options,
+                          Progress* progress);
 
 // A table for people and its content as JSON.
 std::string CheckTable(const CaptureCheck& check);

@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "experiments/synthetic.h"
+#include "model/input_error.h"
 #include "tests/support/temporary_folder.h"
 
 namespace sweepfit {
@@ -43,7 +44,7 @@ TEST(CheckCapture, PassesSoundCapturesAndNamesWhatIsWrong) {
   options.width = options.height = 420;
   const Capture sound = WriteSyntheticCapture(folder.path(), options, nullptr);
 
-  const CaptureCheck fine = CheckCapture(sound, nullptr);
+  const CaptureCheck fine = CheckCapture(sound, {}, nullptr);
   EXPECT_TRUE(fine.CanWork());
   EXPECT_THAT(fine.warnings, IsEmpty());
   for (const CameraCheck& camera : fine.cameras) {
@@ -69,7 +70,7 @@ TEST(CheckCapture, PassesSoundCapturesAndNamesWhatIsWrong) {
           .toRotationMatrix();
   camera.camera_from_world = turn * camera.camera_from_world;
   camera.world_in_camera = turn * camera.world_in_camera;
-  const CaptureCheck off = CheckCapture(turned, nullptr);
+  const CaptureCheck off = CheckCapture(turned, {}, nullptr);
   EXPECT_TRUE(off.CanWork());
   for (const CameraCheck& c : off.cameras) {
     EXPECT_EQ(c.problems.empty(), c.id != camera.id) << c.id;
@@ -80,7 +81,7 @@ TEST(CheckCapture, PassesSoundCapturesAndNamesWhatIsWrong) {
 
   Capture swapped = sound;
   swapped.cameras[2].background = sound.cameras[6].background;
-  const CaptureCheck plate = CheckCapture(swapped, nullptr);
+  const CaptureCheck plate = CheckCapture(swapped, {}, nullptr);
   EXPECT_THAT(Of(plate, sound.cameras[2].camera.id).problems,
               ::testing::Contains(HasSubstr("does not belong")));
   EXPECT_THAT(Of(plate, sound.cameras[6].camera.id).problems, IsEmpty());
@@ -97,7 +98,7 @@ TEST(CheckCapture, OppositeCamerasAreOneOutline) {
         capture.holdout.push_back(eight.cameras[c].camera.id);
       }
     }
-    return CheckCapture(capture, nullptr);
+    return CheckCapture(capture, {}, nullptr);
   };
   const CaptureCheck ring = with({0, 2, 4, 6});
   EXPECT_NEAR(ring.largest_gap, 90, 10);
@@ -119,7 +120,7 @@ TEST(CheckCapture, SaysWhyACaptureCannotWork) {
   for (CaptureCamera& entry : giant.cameras) {
     entry.camera.world_in_camera *= 100;
   }
-  const CaptureCheck units = CheckCapture(giant, nullptr);
+  const CaptureCheck units = CheckCapture(giant, {}, nullptr);
   EXPECT_FALSE(units.CanWork());
   EXPECT_THAT(CheckTable(units), HasSubstr("correct 'units'"));
 
@@ -130,17 +131,29 @@ TEST(CheckCapture, SaysWhyACaptureCannotWork) {
   for (CaptureCamera& entry : lying.cameras) {
     entry.camera.camera_from_world *= quarter;
   }
-  const CaptureCheck axis = CheckCapture(lying, nullptr);
+  const CaptureCheck axis = CheckCapture(lying, {}, nullptr);
   EXPECT_FALSE(axis.CanWork());
   EXPECT_THAT(CheckTable(axis), HasSubstr("correct 'up'"));
 
+  // A fit takes two cameras, and the check does not call that impossible.
   Capture few = sound;
-  for (const char* id : {"cam00", "cam01", "cam02", "cam03"}) {
-    few.holdout.push_back(id);
-  }
-  const CaptureCheck held = CheckCapture(few, nullptr);
-  EXPECT_FALSE(held.CanWork());
-  EXPECT_THAT(CheckTable(held), HasSubstr("only 2 cameras"));
+  few.holdout = {"cam00", "cam01", "cam02", "cam03"};
+  const CaptureCheck two = CheckCapture(few, {}, nullptr);
+  EXPECT_TRUE(two.CanWork());
+  EXPECT_THAT(CheckTable(two), HasSubstr("2 cameras leave the body much"));
+  few.holdout.push_back("cam04");
+  const CaptureCheck one = CheckCapture(few, {}, nullptr);
+  EXPECT_FALSE(one.CanWork());
+  EXPECT_THAT(CheckTable(one), HasSubstr("only 1 of the cameras"));
+}
+
+// The check sees what a fit with these options would see.
+TEST(CheckCapture, FindsSilhouettesAsTheOptionsSay) {
+  TemporaryFolder folder;
+  const Capture capture = CaptureWithMasks(folder, 4);
+  SegmentOptions options;
+  options.mode = "plate";
+  EXPECT_THROW(CheckCapture(capture, options, nullptr), InputError);
 }
 
 }  // namespace
