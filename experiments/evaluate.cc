@@ -96,9 +96,12 @@ std::vector<CameraScore> ScoreSilhouettes(
   for (const CaptureCamera& camera : capture.cameras) {
     CameraScore score;
     score.camera_id = camera.camera.id;
-    score.in_fit =
+    const bool in_fit =
         std::find(fit_cameras.begin(), fit_cameras.end(), score.camera_id) !=
         fit_cameras.end();
+    score.group = in_fit                               ? "fit"
+                  : capture.IsHoldout(score.camera_id) ? "holdout"
+                                                       : "unused";
     const cv::Mat1f mask = reference(camera.camera, &score);
     if (mask.empty()) continue;
     masks.push_back(mask);
@@ -109,6 +112,15 @@ std::vector<CameraScore> ScoreSilhouettes(
     scores[i].error = CompareMasks(RenderCoverage(camera, mesh), masks[i]);
   });
   return scores;
+}
+
+// A mesh with a surface to measure on.
+TriangleMesh LoadSurface(const fs::path& path) {
+  TriangleMesh mesh = LoadPly(path.string());
+  if (!(SurfaceArea(mesh) > 0)) {
+    throw InputError(path.string() + ": has no faces of any area");
+  }
+  return mesh;
 }
 
 std::optional<JointPositions> FindTruthJoints(const fs::path& truth) {
@@ -129,7 +141,7 @@ bool ScoreShape(const fs::path& truth,
     any = true;
   }
   if (fitted.mesh && fs::exists(truth / "surface.ply")) {
-    const TriangleMesh surface = LoadPly((truth / "surface.ply").string());
+    const TriangleMesh surface = LoadSurface(truth / "surface.ply");
     score->fit_to_truth = CompareSurfaces(
         *fitted.mesh, surface, options.surface_samples, options.seed);
     score->truth_to_fit = CompareSurfaces(
@@ -205,11 +217,12 @@ std::string SurfaceLine(const char* name, const SurfaceError& error) {
       1000 * error.signed_mean);
 }
 
-std::string GroupLine(const char* name,
+std::string GroupLine(std::string_view group,
                       const std::optional<SilhouetteError>& error) {
   if (!error) return "";
+  const std::string name = std::string(group) + " cameras";
   return Format("  %-16s IoU %.4f  boundary %.2f px  p95 %.2f px\n",
-                name,
+                name.c_str(),
                 error->iou,
                 error->boundary_mean,
                 error->boundary_p95);
@@ -218,11 +231,11 @@ std::string GroupLine(const char* name,
 }  // namespace
 
 std::optional<SilhouetteError> MeanSilhouetteError(const PoseScore& score,
-                                                   bool in_fit) {
+                                                   std::string_view group) {
   SilhouetteError mean;
   int count = 0;
   for (const CameraScore& camera : score.cameras) {
-    if (camera.in_fit != in_fit) continue;
+    if (camera.group != group) continue;
     mean.iou += camera.error.iou;
     mean.boundary_mean += camera.error.boundary_mean;
     mean.boundary_p95 += camera.error.boundary_p95;
@@ -273,8 +286,7 @@ Evaluation EvaluateResult(const Capture& capture,
     if (!fs::exists(result_folder / ("mesh_" + pose.name + ".ply"))) continue;
     if (progress != nullptr) progress->Stage("evaluate", pose.name);
     FittedPose fitted;
-    fitted.mesh =
-        LoadPly((result_folder / ("mesh_" + pose.name + ".ply")).string());
+    fitted.mesh = LoadSurface(result_folder / ("mesh_" + pose.name + ".ply"));
     // Truth first, then what the fit itself saw, then the picture.
     const Reference reference = [&](const Camera& camera, CameraScore* score) {
       cv::Mat1f mask = TruthMask(capture, pose.name, camera, score);
@@ -380,12 +392,13 @@ std::string EvaluationTable(const Evaluation& evaluation) {
       text += SurfaceLine("surface to truth", *score.fit_to_truth);
       text += SurfaceLine("truth to surface", *score.truth_to_fit);
     }
-    text += GroupLine("fit cameras", MeanSilhouetteError(score, true));
-    text += GroupLine("holdout cameras", MeanSilhouetteError(score, false));
+    for (const std::string_view group : kCameraGroups) {
+      text += GroupLine(group, MeanSilhouetteError(score, group));
+    }
     for (const CameraScore& camera : score.cameras) {
       text += Format("    %-14s %-7s IoU %.4f  boundary %.2f px  (%s mask)\n",
                      camera.camera_id.c_str(),
-                     camera.in_fit ? "fit" : "holdout",
+                     camera.group.c_str(),
                      camera.error.iou,
                      camera.error.boundary_mean,
                      camera.reference.c_str());
@@ -410,16 +423,14 @@ Json PoseScoreToJson(const PoseScore& score) {
                                  {"error_xyz", {e.x(), e.y(), e.z()}},
                                  {"chi2_per_dof", landmark.chi2_per_dof}});
   }
-  for (const bool in_fit : {true, false}) {
-    const auto mean = MeanSilhouetteError(score, in_fit);
-    if (mean) {
-      pose["silhouette"][in_fit ? "fit" : "holdout"] = ErrorToJson(*mean);
-    }
+  for (const std::string_view group : kCameraGroups) {
+    const auto mean = MeanSilhouetteError(score, group);
+    if (mean) pose["silhouette"][std::string(group)] = ErrorToJson(*mean);
   }
   for (const CameraScore& camera : score.cameras) {
     Json& entry = pose["cameras"][camera.camera_id];
     entry = ErrorToJson(camera.error);
-    entry["group"] = camera.in_fit ? "fit" : "holdout";
+    entry["group"] = camera.group;
     entry["reference"] = camera.reference;
   }
   return pose;

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "capture/capture.h"
@@ -21,10 +23,14 @@ struct EvaluateOptions {
   unsigned seed = 1;
 };
 
+// The fit has seen a camera, the capture holds it out, or neither.
+inline constexpr std::array<std::string_view, 3> kCameraGroups = {
+    "fit", "holdout", "unused"};
+
 // The fitted mesh against the silhouette of one camera.
 struct CameraScore {
   std::string camera_id;
-  bool in_fit = false;    // the fit used this camera
+  std::string group;      // of kCameraGroups
   std::string reference;  // "truth", "result" or "segmented"
   SilhouetteError error;
 };
@@ -81,6 +87,6 @@ nlohmann::ordered_json PoseScoreToJson(const PoseScore& score);
 
 // Mean over the cameras of one group; none: nothing.
 std::optional<SilhouetteError> MeanSilhouetteError(const PoseScore& score,
-                                                   bool in_fit);
+                                                   std::string_view group);
 
 }  // namespace sweepfit

@@ -143,15 +143,15 @@ TEST_F(EvaluateTest, MeasuresWhatIsKnown) {
   EXPECT_NEAR(score.fit_to_truth->signed_mean, 0.010, 0.0005);
   EXPECT_NEAR(score.truth_to_fit->signed_mean, -0.010, 0.0005);
   // Discs with radii in the ratio 0.50 : 0.51.
-  for (const bool in_fit : {true, false}) {
-    const auto mean = MeanSilhouetteError(score, in_fit);
+  for (const char* group : {"fit", "holdout"}) {
+    const auto mean = MeanSilhouetteError(score, group);
     ASSERT_TRUE(mean);
     EXPECT_NEAR(mean->iou, std::pow(0.50 / 0.51, 2), 0.005);
     EXPECT_GT(mean->signed_mean, 0.5);
   }
   ASSERT_EQ(score.cameras.size(), 3u);
-  EXPECT_TRUE(score.cameras[0].in_fit);
-  EXPECT_FALSE(score.cameras[1].in_fit);
+  EXPECT_EQ(score.cameras[0].group, "fit");
+  EXPECT_EQ(score.cameras[1].group, "holdout");
   EXPECT_EQ(score.cameras[1].reference, "truth");
 }
 
@@ -248,6 +248,19 @@ TEST_F(EvaluateTest, SaysWhenHoldoutCamerasWereUsed) {
   EXPECT_TRUE(EvaluationToJson(evaluation)["holdout_scores_void"]);
 }
 
+// Only the capture's list is held out: what else a fit did without differs from
+// fit to fit.
+TEST_F(EvaluateTest, TellsUnusedCamerasFromHoldout) {
+  WriteReport({"c0"});
+  const Evaluation evaluation = Evaluate(false);
+  EXPECT_EQ(evaluation.poses[0].cameras[1].group, "holdout");
+  EXPECT_EQ(evaluation.poses[0].cameras[2].group, "unused");
+  EXPECT_THAT(EvaluationTable(evaluation), HasSubstr("unused cameras"));
+  const Json pose = EvaluationToJson(evaluation)["poses"]["A"];
+  EXPECT_EQ(pose["silhouette"].size(), 3u);
+  EXPECT_TRUE(pose["silhouette"].contains("unused"));
+}
+
 TEST_F(EvaluateTest, WritesTableAndJson) {
   const Evaluation evaluation = Evaluate(true);
   const std::string table = EvaluationTable(evaluation);
@@ -259,6 +272,9 @@ TEST_F(EvaluateTest, WritesTableAndJson) {
 }
 
 TEST_F(EvaluateTest, BadInputIsNamed) {
+  // Points of a scanner are no surface.
+  SavePly({Sphere(0.50).vertices, {}}, (truth_ / "surface.ply").string());
+  EXPECT_THAT(Error(true), HasSubstr("surface.ply: has no faces"));
   fs::remove_all(truth_);
   EXPECT_THAT(Error(true), HasSubstr("no ground truth"));
   WriteBytes(result_ / "joints.json", "{");
