@@ -30,6 +30,16 @@ std::string PoseLine(const std::string& pose, const Json& figures) {
   return line + "\n";
 }
 
+// The stages that say so of themselves; no line when none does.
+std::string StageLine(const Json& stages, const std::string& status) {
+  std::string names;
+  for (const Json& stage : stages) {
+    if (stage["status"] != status) continue;
+    names += (names.empty() ? "" : ", ") + stage["stage"].get<std::string>();
+  }
+  return names.empty() ? "" : status + ": " + names + "\n";
+}
+
 }  // namespace
 
 std::string FitSummary(const Json& report,
@@ -38,6 +48,8 @@ std::string FitSummary(const Json& report,
   for (const auto& [pose, figures] : report["poses"].items()) {
     text += PoseLine(pose, figures);
   }
+  text += StageLine(report["stages"], "weak");
+  text += StageLine(report["stages"], "failed");
   if (report["holdout_scores_void"].get<bool>()) {
     text += "holdout cameras were used: their scores are void\n";
   }

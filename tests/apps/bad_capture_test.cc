@@ -19,6 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::AnyOf;
 using ::testing::Eq;
+using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
 constexpr char kBadCamera[] = "cam01";
@@ -554,6 +555,8 @@ class BadCaptureTest : public testing::Test {
     }
   }
 
+  TemporaryFolder scratch_;
+
  private:
   static std::vector<std::string> Entries(const fs::path& folder) {
     std::vector<std::string> entries;
@@ -579,9 +582,18 @@ class BadCaptureTest : public testing::Test {
         << "does not mention " << broken.word;
     EXPECT_EQ(errors[0].find("internal error"), std::string::npos);
   }
-
-  TemporaryFolder scratch_;
 };
+
+// What was tolerated is said at the end, not only in passing.
+TEST_F(BadCaptureTest, TheSummaryNamesWeakStages) {
+  Scene scene(scratch_.path() / "sound", scratch_.path() / "capture");
+  fs::copy_file(
+      scene.Plate(3), scene.Plate(1), fs::copy_options::overwrite_existing);
+  scene.Argue({"--until", "segment"});
+  const CommandOutcome outcome = RunCommand(scene.Arguments(), scratch_.path());
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("\nweak: segment A\n"));
+}
 
 TEST_F(BadCaptureTest, EachEndsWithOneLineAndNoResult) {
   Run(BrokenFiles());
