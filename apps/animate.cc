@@ -78,6 +78,9 @@ void RunAnimate(const AnimateArguments& arguments) {
   RetargetOptions options = arguments.options;
   options.scale = ParseScale(arguments.scale);
   if (const auto error = options.Check()) throw InputError(*error);
+  if (const auto error = arguments.preview_options.Check()) {
+    throw InputError("--preview, --view: " + *error);
+  }
   const std::string sheet =
       arguments.preview.empty() ? "" : SheetPath(arguments.preview);
 
@@ -184,9 +187,9 @@ void AddAnimateVerb(CLI::App* command, std::function<void()>* run) {
                    "towards the person's left (default: 40)");
   verb->add_option("--map",
                    arguments->options.names,
-                   "Joint names of the motion: auto, a preset (cmu, mixamo, "
-                   "makehuman, unity, unreal, vrm, biovision, sweepfit) or a "
-                   "YAML file (default: auto)");
+                   "Joint names of the motion: auto, a preset (" +
+                       JointNamePresetList() +
+                       ") or a YAML file (default: auto)");
   verb->add_option("--scale",
                    arguments->scale,
                    "Length unit of the motion for the way over the floor: m, "

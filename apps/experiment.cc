@@ -67,8 +67,8 @@ void AddExperimentVerb(CLI::App* command, std::function<void()>* run) {
       "experiment", "Compare configurations on people with ground truth");
   verb->require_subcommand(1);
   verb->footer(
-      "Example: sweepfit experiment run experiments/ablation.yaml --out "
-      "ablation");
+      "Example: sweepfit experiment run experiments/configs/ablation.yaml "
+      "--out ablation");
   auto arguments = std::make_shared<ExperimentArguments>();
 
   CLI::App* go = verb->add_subcommand(
@@ -88,8 +88,8 @@ void AddExperimentVerb(CLI::App* command, std::function<void()>* run) {
       ->capture_default_str();
   AddCommonArguments(go, &arguments->common);
   go->footer(
-      "Example: sweepfit experiment run experiments/baselines.yaml --out "
-      "baselines --captures captures");
+      "Example: sweepfit experiment run experiments/configs/baselines.yaml "
+      "--out baselines --captures captures");
   go->callback(
       [arguments, run] { *run = [arguments] { RunRun(*arguments); }; });
 

@@ -132,10 +132,9 @@ void AddTemplateVerb(CLI::App* command, std::function<void()>* run) {
                    "matter then");
   verb->add_option("--names",
                    arguments->names,
-                   "Joint names of --from: auto, a preset (sweepfit, mixamo, "
-                   "makehuman, unity, unreal, vrm, rigify, biped, smpl, daz, "
-                   "cc, vrchat) or a YAML file, a line 'l_elbow: NAME' per "
-                   "joint")
+                   "Joint names of --from: auto, a preset (" +
+                       JointNamePresetList() +
+                       ") or a YAML file, a line 'l_elbow: NAME' per joint")
       ->capture_default_str();
   verb->add_option("--size", arguments->size, "Height of the pictures, pixels")
       ->capture_default_str();

@@ -108,6 +108,15 @@ TEST_F(AnimateTest, WhatIsWrongIsNamed) {
               "no frame");
   ExpectError(Animate({"--bvh", walk, "--out", out, "--preview", "a.avi"}),
               "*.webp");
+  ExpectError(Animate({"--bvh",
+                       walk,
+                       "--out",
+                       out,
+                       "--preview",
+                       Path("a.webp"),
+                       "--view",
+                       "nan"}),
+              "azimuth");
   ExpectError(Animate({"--bvh", walk, "--out", out, "--fps", "-3"}),
               "frames per second");
   ExpectError(Animate({"--bvh", walk}), "--out");

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "model/joint_names.h"
 #include "solver/config.h"
 #include "tests/apps/command.h"
 
@@ -9,21 +10,58 @@ namespace sweepfit {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::IsSupersetOf;
 using ::testing::SizeIs;
+
+// The words at the beginnings of the lines below "Subcommands:".
+std::vector<std::string> Subcommands(const std::string& help) {
+  std::istringstream lines(help);
+  std::vector<std::string> verbs;
+  bool listed = false;
+  for (std::string line; std::getline(lines, line);) {
+    if (listed && line.size() > 2 && line.starts_with("  ") && line[2] != ' ') {
+      verbs.push_back(line.substr(2, line.find(' ', 2) - 2));
+    } else {
+      listed = line == "Subcommands:" || (listed && line.starts_with("  "));
+    }
+  }
+  return verbs;
+}
+
+// `verb` may be empty or of several words.
+void ExpectHelpWithExample(const std::vector<std::string>& verb,
+                           const TemporaryFolder& scratch) {
+  std::vector<std::string> arguments = verb;
+  arguments.push_back("--help");
+  const CommandOutcome outcome = RunCommand(arguments, scratch.path());
+  std::string example = "Example: sweepfit";
+  for (const std::string& word : verb) example += " " + word;
+  EXPECT_EQ(outcome.status, 0) << example;
+  EXPECT_THAT(outcome.out, HasSubstr(example + " "));
+  EXPECT_EQ(outcome.err, "");
+  for (const std::string& word : Subcommands(outcome.out)) {
+    std::vector<std::string> longer = verb;
+    longer.push_back(word);
+    ExpectHelpWithExample(longer, scratch);
+  }
+}
 
 TEST(Usage, HelpOfEachVerbShowsAnExample) {
   TemporaryFolder scratch;
-  for (const char* verb :
-       {"fit", "synth", "demo", "evaluate", "import", "check", "template"}) {
-    const CommandOutcome outcome = RunCommand({verb, "--help"}, scratch.path());
-    EXPECT_EQ(outcome.status, 0) << verb;
-    EXPECT_THAT(outcome.out,
-                HasSubstr(std::string("Example: sweepfit ") + verb));
-    EXPECT_EQ(outcome.err, "");
+  ExpectHelpWithExample({}, scratch);
+  const auto verbs = Subcommands(RunCommand({"--help"}, scratch.path()).out);
+  EXPECT_THAT(verbs, IsSupersetOf({"fit", "animate", "experiment"}));
+  EXPECT_THAT(verbs, SizeIs(9));
+}
+
+TEST(Usage, HelpNamesEveryPresetOfJointNames) {
+  TemporaryFolder scratch;
+  for (const char* verb : {"animate", "template"}) {
+    const CommandOutcome help = RunCommand({verb, "--help"}, scratch.path());
+    for (const JointNameMap& preset : JointNamePresets()) {
+      EXPECT_THAT(help.out, HasSubstr(preset.name)) << verb;
+    }
   }
-  const CommandOutcome outcome = RunCommand({"--help"}, scratch.path());
-  EXPECT_EQ(outcome.status, 0);
-  EXPECT_THAT(outcome.out, HasSubstr("evaluate"));
 }
 
 TEST(Usage, HelpOfFitListsEveryConfigurationKey) {
