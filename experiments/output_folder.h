@@ -6,6 +6,11 @@
 
 namespace sweepfit {
 
+// A name beside `path` under which to work on it: hidden, and of this host and
+// process alone, since machines may share a folder. What dead processes of this
+// host have left under such names of `path` is removed.
+std::filesystem::path TemporarySibling(const std::filesystem::path& path);
+
 // A folder that appears whole or not at all. Everything is written into a
 // temporary sibling, which takes the folder's name at the end. A run that dies
 // leaves no half result that looks whole.
@@ -27,8 +32,6 @@ class OutputFolder {
   void Commit();
 
  private:
-  std::filesystem::path Sibling(const std::string& suffix) const;
-
   std::filesystem::path folder_;
   std::filesystem::path temporary_;
 };

@@ -42,6 +42,33 @@ TEST(OutputFolder, LeavesNothingWithoutCommit) {
   EXPECT_EQ(NumEntries(scratch.path()), 0u);
 }
 
+TEST(OutputFolder, RemovesWhatDeadRunsOfThisHostLeft) {
+  TemporaryFolder scratch;
+  const fs::path out = scratch.path() / "out";
+  const std::string ours = TemporarySibling(out).string();
+  const std::string prefix = ours.substr(0, ours.rfind('-') + 1);
+  const std::string previous =
+      std::string(prefix).replace(prefix.find("partial"), 7, "previous");
+  // No process has this id: Linux counts to four million.
+  const fs::path dead = prefix + "999999999";
+  const fs::path alive = prefix + "1";
+  const fs::path elsewhere = scratch.path() / ".out.partial-other-999999999";
+  const fs::path of_another = scratch.path() / ".out2.partial-x-999999999";
+  const fs::path only_copy = previous + "999999999";
+  for (const fs::path& path : {dead, alive, elsewhere, of_another, only_copy}) {
+    fs::create_directory(path);
+    WriteBytes(path / "half", "done");
+  }
+  OutputFolder(out, kMarker);  // dies without commit
+  EXPECT_FALSE(fs::exists(dead));
+  for (const fs::path& path : {alive, elsewhere, of_another, only_copy}) {
+    EXPECT_TRUE(fs::exists(path / "half")) << path;
+  }
+  fs::create_directory(out);
+  OutputFolder(out, kMarker);
+  EXPECT_FALSE(fs::exists(only_copy));
+}
+
 TEST(OutputFolder, ReplacesEarlierOutputsAndEmptyFolders) {
   TemporaryFolder scratch;
   const fs::path out = scratch.path() / "out";
