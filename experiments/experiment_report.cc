@@ -5,6 +5,7 @@
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 
 #include "experiments/experiment_runner.h"
@@ -59,6 +60,7 @@ struct Results {
   Json plan;
   std::vector<std::string> variants;
   std::vector<Json> rows;  // in the order of the plan
+  int others = 0;          // runs of another build or of other settings
   std::vector<Sample> samples;
   std::map<std::string, int> failed;  // runs, per variant
 };
@@ -93,11 +95,15 @@ Results ReadResults(const fs::path& folder) {
     order[variant["name"]] = static_cast<int>(results.variants.size());
     results.variants.push_back(variant["name"]);
   }
+  const std::set<std::string> planned(results.plan["runs"].begin(),
+                                      results.plan["runs"].end());
   for (const auto& entry : fs::directory_iterator(folder / "runs")) {
     if (entry.path().extension() != ".json") continue;
-    Json row = Json::parse(ReadWholeFile(entry.path().string()));
-    // Runs of an earlier plan stay in the folder and out of the report.
-    if (order.contains(row["variant"])) results.rows.push_back(std::move(row));
+    if (planned.contains(entry.path().stem().string())) {
+      results.rows.push_back(Json::parse(ReadWholeFile(entry.path().string())));
+    } else {
+      ++results.others;
+    }
   }
   const auto key = [&](const Json& row) {
     return std::tuple(row["subject"].get<std::string>(),
@@ -409,6 +415,18 @@ std::string DotPlot(const Results& results, int m) {
   return svg.str();
 }
 
+// What the figures are of.
+std::string Origin(const Results& results) {
+  std::string text = "sweepfit " + results.plan["version"].get<std::string>() +
+                     ": " + std::to_string(results.rows.size()) + " of " +
+                     std::to_string(results.plan["runs"].size()) + " runs.";
+  if (results.others > 0) {
+    text += " " + std::to_string(results.others) +
+            " runs of another build or of other settings are left out.";
+  }
+  return text;
+}
+
 std::string Settings(const Json& plan) {
   std::string text;
   for (const Json& variant : plan["variants"]) {
@@ -437,7 +455,9 @@ void ReportExperiment(const fs::path& folder) {
     }
   }();
   if (results.samples.empty()) {
-    throw InputError(folder.string() + ": no run with scores yet");
+    throw InputError(folder.string() +
+                     ": no run of this build and these "
+                     "settings has scores yet");
   }
   std::string lines;
   for (const Json& row : results.rows) lines += row.dump() + "\n";
@@ -456,8 +476,10 @@ void ReportExperiment(const fs::path& folder) {
       "table{border-collapse:collapse;font-size:13px}th,td{text-align:left;"
       "padding:.2rem .8rem .2rem 0;border-bottom:1px solid #e6e9ed;"
       "vertical-align:top}</style></head><body>\n<h1>Experiment " +
-      EscapeHtml(name) + "</h1>\n<p>" + EscapeHtml(question) + "</p>\n";
+      EscapeHtml(name) + "</h1>\n<p>" + EscapeHtml(question) + "</p>\n<p>" +
+      EscapeHtml(Origin(results)) + "</p>\n";
   if (!question.empty()) markdown += question + "\n\n";
+  markdown += Origin(results) + "\n\n";
   markdown += Settings(results.plan) + "\n";
   std::vector<Table> tables = {MeansTable(results)};
   if (results.variants.size() > 1) tables.push_back(DifferencesTable(results));

@@ -1,21 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "experiments/experiment_runner.h"
 
-#include <unistd.h>
-
 #include <chrono>
 #include <cstdio>
-#include <fstream>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
 
 #include "capture/capture.h"
 #include "experiments/evaluate.h"
 #include "experiments/fit_to_folder.h"
+#include "experiments/output_folder.h"
 #include "experiments/result_folder.h"
 #include "experiments/version.h"
 #include "model/file_io.h"
+#include "model/hash.h"
 #include "model/input_error.h"
 #include "solver/pipeline.h"
 
@@ -25,23 +26,22 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-// FNV-1a, 64 bit: names a run by what goes into it.
+// A name by what goes into it; every build has names of its own.
 std::string Hash(const std::string& text) {
-  std::uint64_t hash = 14695981039346656037ull;
-  for (const unsigned char c : text) {
-    hash ^= c;
-    hash *= 1099511628211ull;
-  }
   char name[17];
   std::snprintf(
-      name, sizeof(name), "%016llx", static_cast<unsigned long long>(hash));
+      name,
+      sizeof(name),
+      "%016llx",
+      static_cast<unsigned long long>(FnvHash(kVersion + ("\n" + text))));
   return name;
 }
 
 struct Run {
   const ExperimentSubject* subject;
   const ExperimentVariant* variant;
-  std::vector<std::string> poses;
+  FitConfig config;  // of the variant, with the poses
+  std::string id;
 };
 
 // What the pictures show depends on these options only.
@@ -137,34 +137,53 @@ void FitAndScore(const Capture& capture,
   (*row)["status"] = "ok";
 }
 
-std::vector<Run> RunsOf(const Experiment& experiment,
-                        const ExperimentSubject& subject,
-                        const std::vector<std::string>& poses) {
-  std::vector<Run> runs;
-  if (experiment.poses_together) {
-    for (const ExperimentVariant& variant : experiment.variants) {
-      runs.push_back({&subject, &variant, poses});
-    }
-    return runs;
+// What a subject's pictures depend on.
+std::string Content(const ExperimentSubject& subject) {
+  if (subject.synthetic) {
+    return SyntheticOptionsToJson(*subject.synthetic).dump();
   }
-  for (const std::string& pose : poses) {
-    for (const ExperimentVariant& variant : experiment.variants) {
-      runs.push_back({&subject, &variant, {pose}});
+  return ReadWholeFile((subject.capture / "capture.yaml").string());
+}
+
+std::vector<std::string> PosesOf(const ExperimentSubject& subject) {
+  if (subject.synthetic) return subject.synthetic->poses;
+  std::vector<std::string> poses;
+  for (const CapturePose& pose : LoadCapture(subject.capture.string()).poses) {
+    poses.push_back(pose.name);
+  }
+  return poses;
+}
+
+// All runs of the experiment, subject by subject.
+std::vector<Run> RunsOf(const Experiment& experiment) {
+  std::vector<Run> runs;
+  for (const ExperimentSubject& subject : experiment.subjects) {
+    std::vector<std::vector<std::string>> fits = {PosesOf(subject)};
+    if (!experiment.poses_together) {
+      const std::vector<std::string> poses = std::move(fits.front());
+      fits.clear();
+      for (const std::string& pose : poses) fits.push_back({pose});
+    }
+    const std::string what = subject.name + "\n" + Content(subject) + "\n";
+    for (const std::vector<std::string>& poses : fits) {
+      for (const ExperimentVariant& variant : experiment.variants) {
+        FitConfig config = variant.config;
+        config.poses = poses;
+        const std::string id =
+            Hash(what + variant.name + "\n" + FitConfigToYaml(config));
+        runs.push_back({&subject, &variant, std::move(config), id});
+      }
     }
   }
   return runs;
 }
 
-std::vector<std::string> PosesOf(const Capture& capture) {
-  std::vector<std::string> poses;
-  for (const CapturePose& pose : capture.poses) poses.push_back(pose.name);
-  return poses;
-}
-
-Json Plan(const Experiment& experiment) {
+// What the report goes by.
+Json Plan(const Experiment& experiment, const std::vector<Run>& runs) {
   Json plan = {{"name", experiment.name},
                {"question", experiment.question},
-               {"poses", experiment.poses_together ? "together" : "each"}};
+               {"poses", experiment.poses_together ? "together" : "each"},
+               {"version", kVersion}};
   for (const ExperimentSubject& subject : experiment.subjects) {
     plan["subjects"].push_back(subject.name);
   }
@@ -172,7 +191,17 @@ Json Plan(const Experiment& experiment) {
     plan["variants"].push_back(
         {{"name", variant.name}, {"settings", variant.settings}});
   }
+  for (const Run& run : runs) plan["runs"].push_back(run.id);
   return plan;
+}
+
+// Shards that begin at the same moment write it each under a name of its own.
+void WritePlan(const Json& plan, const fs::path& path) {
+  const fs::path temporary = TemporarySibling(path);
+  WriteWholeFile(plan.dump(1) + "\n", temporary.string());
+  std::error_code error;
+  fs::rename(temporary, path, error);
+  if (error) throw InputError(path.string() + ": cannot be written");
 }
 
 // The subject's capture, made first where it is synthetic and not there yet.
@@ -180,11 +209,11 @@ Capture OpenSubject(const ExperimentSubject& subject,
                     const fs::path& folder,
                     Progress* progress) {
   if (!subject.synthetic) return LoadCapture(subject.capture.string());
-  const fs::path made = folder / "captures" / subject.name;
+  const fs::path made =
+      folder / "captures" / (subject.name + "_" + Hash(Content(subject)));
   if (!fs::exists(made / "capture.yaml")) {
     // Shards may run at the same time: the first to be done counts.
-    const fs::path temporary =
-        made.string() + ".part" + std::to_string(getpid());
+    const fs::path temporary = TemporarySibling(made);
     fs::create_directories(temporary);
     WriteSyntheticCapture(temporary, *subject.synthetic, progress);
     std::error_code taken;
@@ -192,6 +221,23 @@ Capture OpenSubject(const ExperimentSubject& subject,
     if (taken) fs::remove_all(temporary);
   }
   return LoadCapture(made.string());
+}
+
+// Runs of another build or of other settings must not pass for these.
+void WarnOfOtherRuns(const std::vector<Run>& runs,
+                     const fs::path& folder,
+                     Progress* progress) {
+  std::set<std::string> ids;
+  for (const Run& run : runs) ids.insert(run.id);
+  int others = 0;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    others += entry.path().extension() == ".json" &&
+              !ids.contains(entry.path().stem().string());
+  }
+  if (others == 0 || progress == nullptr) return;
+  progress->Warning(folder.string() + " holds " + std::to_string(others) +
+                    " runs of another build or of other settings: they are not "
+                    "used");
 }
 
 // Says which run it is before what the run says of itself.
@@ -221,40 +267,43 @@ void RunExperiment(const Experiment& experiment,
   std::error_code error;
   fs::create_directories(folder / "runs", error);
   if (error) throw InputError(folder.string() + ": cannot create the folder");
-  WriteWholeFile(Plan(experiment).dump(1) + "\n",
-                 (folder / "experiment.json").string());
-  int index = 0;
-  for (const ExperimentSubject& subject : experiment.subjects) {
-    const Capture capture = OpenSubject(subject, folder, progress);
-    Observations observations(&capture);
-    for (const Run& run : RunsOf(experiment, subject, PosesOf(capture))) {
-      if (index++ % shard.count != shard.index) continue;
-      FitConfig config = run.variant->config;
-      config.poses = run.poses;
-      config = ResolveConfig(capture, config);
-      const std::string id =
-          Hash(subject.name + "\n" + FitConfigToYaml(config) + kVersion);
-      const fs::path file = folder / "runs" / (id + ".json");
-      if (fs::exists(file)) continue;
-      std::string poses;
-      for (const std::string& pose : run.poses) poses += pose;
-      RunProgress of_run(subject.name + " " + poses + " " + run.variant->name,
-                         progress);
-      Json row = {{"id", id},
-                  {"subject", subject.name},
-                  {"poses", run.poses},
-                  {"variant", run.variant->name},
-                  {"settings", run.variant->settings},
-                  {"cameras", *config.cameras},
-                  {"version", kVersion},
-                  {"status", "not run"}};
-      try {
-        FitAndScore(capture, config, &observations, &of_run, &row);
-      } catch (const FitError& failure) {
-        row["status"] = std::string("failed: ") + failure.what();
-      }
-      WriteWholeFile(row.dump(1) + "\n", file.string());
+  const std::vector<Run> runs = RunsOf(experiment);
+  WarnOfOtherRuns(runs, folder / "runs", progress);
+  WritePlan(Plan(experiment, runs), folder / "experiment.json");
+  const ExperimentSubject* opened = nullptr;
+  Capture capture;
+  std::optional<Observations> observations;
+  for (size_t k = 0; k < runs.size(); ++k) {
+    const Run& run = runs[k];
+    const fs::path file = folder / "runs" / (run.id + ".json");
+    if (static_cast<int>(k % shard.count) != shard.index || fs::exists(file)) {
+      continue;
     }
+    if (run.subject != opened) {
+      observations.reset();
+      capture = OpenSubject(*run.subject, folder, progress);
+      observations.emplace(&capture);
+      opened = run.subject;
+    }
+    const FitConfig config = ResolveConfig(capture, run.config);
+    std::string poses;
+    for (const std::string& pose : *config.poses) poses += pose;
+    RunProgress of_run(
+        run.subject->name + " " + poses + " " + run.variant->name, progress);
+    Json row = {{"id", run.id},
+                {"subject", run.subject->name},
+                {"poses", *config.poses},
+                {"variant", run.variant->name},
+                {"settings", run.variant->settings},
+                {"cameras", *config.cameras},
+                {"version", kVersion},
+                {"status", "not run"}};
+    try {
+      FitAndScore(capture, config, &*observations, &of_run, &row);
+    } catch (const FitError& failure) {
+      row["status"] = std::string("failed: ") + failure.what();
+    }
+    WriteWholeFile(row.dump(1) + "\n", file.string());
   }
 }
 

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "experiments/experiment_runner.h"
+#include "experiments/version.h"
 #include "model/file_io.h"
 #include "model/input_error.h"
 #include "tests/support/temporary_folder.h"
@@ -144,6 +145,80 @@ TEST(Experiment, RunsScoresAndGoesOnWhereItStopped) {
   EXPECT_THAT(report, HasSubstr("template_only"));
   ReportExperiment(scratch.path());
   EXPECT_EQ(report, ReadWholeFile((scratch.path() / "report.html").string()));
+}
+
+// Reads the report's lines: one per run.
+std::vector<nlohmann::json> ReportedRuns(const fs::path& folder) {
+  ReportExperiment(folder);
+  std::ifstream lines(folder / "results.jsonl");
+  std::vector<nlohmann::json> runs;
+  for (std::string line; std::getline(lines, line);) {
+    runs.push_back(nlohmann::json::parse(line));
+  }
+  return runs;
+}
+
+// A folder of runs that stop at the hull.
+class ExperimentFolderTest : public ::testing::Test {
+ protected:
+  void Run(int size, const std::string& variants) {
+    const fs::path file = scratch_.path() / "experiment.yaml";
+    WriteWholeFile(
+        "name: small\n"
+        "subjects: [{synthetic: {seeds: [3, 3], cameras: 8, masks: true,"
+        " size: " +
+            std::to_string(size) +
+            "}}]\n"
+            "settings: {until: volume, volume.voxel_size: 0.008}\n"
+            "variants: " +
+            variants + "\n",
+        file.string());
+    RunExperiment(LoadExperiment(file), folder_, {0, 1}, nullptr);
+  }
+
+  TemporaryFolder scratch_;
+  fs::path folder_ = scratch_.path() / "out";
+};
+
+TEST_F(ExperimentFolderTest, VariantsOfEqualSettingsAreTwoRuns) {
+  Run(200, "{one: {}, other: {}}");
+  const auto runs = ReportedRuns(folder_);
+  ASSERT_EQ(runs.size(), 2u);
+  EXPECT_EQ(runs[0]["variant"], "one");
+  EXPECT_EQ(runs[1]["variant"], "other");
+  EXPECT_EQ(runs[0]["scores"], runs[1]["scores"]);
+}
+
+TEST_F(ExperimentFolderTest, OtherOptionsAreOtherPicturesAndRuns) {
+  Run(200, "{default: {}}");
+  const auto coarse = ReportedRuns(folder_);
+  Run(240, "{default: {}}");
+  const auto fine = ReportedRuns(folder_);
+  ASSERT_EQ(coarse.size(), 1u);
+  ASSERT_EQ(fine.size(), 1u);
+  EXPECT_NE(coarse[0]["scores"], fine[0]["scores"]);
+  EXPECT_THAT(ReadWholeFile((folder_ / "report.md").string()),
+              HasSubstr("1 of 1 runs. 1 runs of another build"));
+  // And back: what was done before counts again.
+  Run(200, "{default: {}}");
+  EXPECT_EQ(ReportedRuns(folder_), coarse);
+}
+
+TEST_F(ExperimentFolderTest, RunsOfAnotherBuildAreNotMixedIn) {
+  Run(200, "{default: {}}");
+  const auto runs = ReportedRuns(folder_);
+  ASSERT_EQ(runs.size(), 1u);
+  EXPECT_EQ(runs[0]["version"], kVersion);
+  nlohmann::json other = runs[0];
+  other["version"] = "0.0.9+0123456789";
+  other["id"] = "0123456789abcdef";
+  WriteWholeFile(other.dump(),
+                 (folder_ / "runs" / "0123456789abcdef.json").string());
+  EXPECT_EQ(ReportedRuns(folder_), runs);
+  EXPECT_THAT(ReadWholeFile((folder_ / "report.md").string()),
+              HasSubstr(kVersion));
+  EXPECT_THAT(ReadWholeFile((folder_ / "report.md").string()),
+              HasSubstr("are left out"));
 }
 
 TEST(Experiment, ReportOfNothingIsAnError) {
