@@ -24,6 +24,9 @@ int FitOne(const std::string& capture_folder,
   } catch (const sweepfit::InputError& error) {
     std::cerr << error.what() << "\n";  // names file, key or camera
     return 2;
+  } catch (const sweepfit::FitError& error) {
+    std::cerr << error.what() << "\n";  // the pictures show no such body
+    return 1;
   }
 }
 // README.md ends here.
