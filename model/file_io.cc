@@ -24,6 +24,16 @@ std::string ReadWholeFile(const std::string& path) {
 }
 
 void WriteWholeFile(const std::string& bytes, const std::string& path) {
+  std::error_code missing;
+  const auto status = std::filesystem::status(path, missing);
+  if (std::filesystem::is_character_file(status) ||
+      std::filesystem::is_fifo(status)) {
+    // A terminal or a pipe has no other name to be written under.
+    std::ofstream stream(path, std::ios::binary);
+    stream << bytes << std::flush;
+    if (!stream) throw InputError(path + ": cannot be written");
+    return;
+  }
   const std::string temporary = path + ".part";
   std::ofstream file(temporary, std::ios::binary | std::ios::trunc);
   file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));

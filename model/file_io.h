@@ -9,7 +9,8 @@ namespace sweepfit {
 std::string ReadWholeFile(const std::string& path);
 
 // Writes a file under a temporary name beside it and renames it, so that no
-// half file ever bears the name. Throws InputError with the path.
+// half file ever bears the name; into a terminal or a pipe (/dev/stdout) as it
+// is. Throws InputError with the path.
 void WriteWholeFile(const std::string& bytes, const std::string& path);
 
 }  // namespace sweepfit
