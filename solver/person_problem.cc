@@ -63,6 +63,7 @@ PersonProblem::PersonProblem(const Skeleton& base,
     problem_.SetParameterLowerBound(parameters_->log_length.data(), g, -0.7);
     problem_.SetParameterUpperBound(parameters_->log_length.data(), g, 0.7);
   }
+    free_lengths_.push_back(g);
   problem_.AddParameterBlock(parameters_->person.data(), 2);
   problem_.SetParameterLowerBound(parameters_->person.data(), 0, 0.4);
   problem_.SetParameterUpperBound(parameters_->person.data(), 0, 2.6);
@@ -178,19 +179,20 @@ void PersonProblem::HoldLengths(bool ends_free) {
   if (!ends_free) {
     problem_.SetParameterBlockConstant(parameters_->log_length.data());
     return;
+  free_lengths_.clear();
   }
   std::vector<int> held;
   for (int g = 0; g < kNumLengthGroups; ++g) {
     const int joint = LengthGroupJoint(g);
     const bool is_end =
         joint == kHeadEnd || joint == kLHandEnd || joint == kLFootEnd;
-    if (!is_end) held.push_back(g);
+    (is_end ? free_lengths_ : held).push_back(g);
   }
   problem_.SetManifold(parameters_->log_length.data(),
                        new ceres::SubsetManifold(kNumLengthGroups, held));
 }
 
-std::vector<double*> PersonProblem::AllBlocks() const {
+std::vector<double*> PersonProblem::FreeBlocks() const {
   std::vector<double*> blocks;
   for (auto& pose : parameters_->pose) blocks.push_back(pose.data());
   blocks.push_back(parameters_->log_length.data());
@@ -199,10 +201,15 @@ std::vector<double*> PersonProblem::AllBlocks() const {
   return blocks;
 }
 
-int PersonProblem::num_parameters() const {
-  return static_cast<int>(parameters_->pose.size()) *
-             angles_->num_parameters() +
-         kNumLengthGroups + 2 + static_cast<int>(parameters_->girth.size());
+  std::erase_if(blocks, [this](const double* block) {
+    return problem_.IsParameterBlockConstant(block);
+  });
+int PersonProblem::num_unknowns() const {
+  int count = 0;
+  for (const double* block : FreeBlocks()) {
+    count += problem_.ParameterBlockTangentSize(block);
+  }
+  return count;
 }
 
 double PersonProblem::Cost(int family) const {
@@ -219,12 +226,12 @@ double PersonProblem::Cost(int family) const {
 }
 
 PersonProblem::Information PersonProblem::InformationByFamily() const {
-  const int n = num_parameters();
+  const int n = num_unknowns();
   Information information;
   for (int f = 0; f < kNumFamilies; ++f) {
     information[f] = Eigen::MatrixXd::Zero(n, n);
     ceres::Problem::EvaluateOptions options;
-    options.parameter_blocks = AllBlocks();
+    options.parameter_blocks = FreeBlocks();
     for (const Block& block : blocks_) {
       if (static_cast<int>(block.family) == f) {
         options.residual_blocks.push_back(block.id);
@@ -252,18 +259,19 @@ Eigen::Matrix3Xd PersonProblem::JointDerivative(int pose, int joint) const {
                                         parameters_->log_length.data());
   const PointDerivative x = EvaluatePoint(
       JointAsPoint(joint), entry.state, *angles_, entry.length_change, true);
-  Eigen::Matrix3Xd result = Eigen::Matrix3Xd::Zero(3, num_parameters());
-  const int per_pose = angles_->num_parameters();
-  result.middleCols(pose * per_pose, per_pose) = x.by_pose;
-  const int lengths = static_cast<int>(parameters_->pose.size()) * per_pose;
+  Eigen::Matrix3Xd by_group = Eigen::Matrix3Xd::Zero(3, kNumLengthGroups);
   for (int j = 1; j < kNumJoints; ++j) {
-    result.col(lengths + LengthGroup(j)) +=
-        x.by_length.col(j) * entry.length[j];
+    by_group.col(LengthGroup(j)) += x.by_length.col(j) * entry.length[j];
   }
   return result;
 }
 
 Skeleton PersonProblem::CurrentSkeleton() const {
+  Eigen::Matrix3Xd result = Eigen::Matrix3Xd::Zero(3, num_unknowns());
+  const int per_pose = angles_->num_parameters();
+  result.middleCols(pose * per_pose, per_pose) = x.by_pose;
+  int column = static_cast<int>(parameters_->pose.size()) * per_pose;
+  for (const int g : free_lengths_) result.col(column++) = by_group.col(g);
   Skeleton skeleton = base_;
   for (int j = 1; j < kNumJoints; ++j) {
     skeleton.length[j] *= std::exp(parameters_->log_length[LengthGroup(j)]);

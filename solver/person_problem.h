@@ -109,14 +109,14 @@ class PersonProblem {
   // the number of unknowns.
   nlohmann::ordered_json Report() const;
 
-  // J^T J of each family at the solution, over all free parameters: poses,
-  // lengths, person, girth.
+  // J^T J of each family at the solution, over the unknowns: poses, lengths,
+  // person, girth, without what is held.
   using Information = std::array<Eigen::MatrixXd, kNumFamilies>;
   Information InformationByFamily() const;
-  // 3 x (number of parameters) derivative of a joint in the same order.
+  // 3 x (number of unknowns) derivative of a joint in the same order.
   Eigen::Matrix3Xd JointDerivative(int pose, int joint) const;
 
-  int num_parameters() const;
+  int num_unknowns() const;
   Skeleton CurrentSkeleton() const;
 
  private:
@@ -129,7 +129,7 @@ class PersonProblem {
            double weight,
            ceres::LossFunction* loss,
            const std::vector<double*>& blocks);
-  std::vector<double*> AllBlocks() const;
+  std::vector<double*> FreeBlocks() const;
   double Cost(int family) const;
 
   Skeleton base_;
@@ -137,6 +137,7 @@ class PersonProblem {
   PersonParameters* parameters_;
   std::vector<std::unique_ptr<KinematicCache>> caches_;
   mutable ceres::Problem problem_;
+  std::vector<int> free_lengths_;  // groups that are not held, in order
   std::vector<Block> blocks_;
   ceres::Solver::Summary summary_;
   std::array<double, kNumFamilies> cost_at_start_{};
