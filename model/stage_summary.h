@@ -11,7 +11,8 @@ namespace sweepfit {
 struct StageSummary {
   std::string stage;
   // "not run" until the stage says otherwise; then "ok", "weak" (the result is
-  // usable, warnings say where it is not to be trusted) or "failed".
+  // usable, warnings say where it is not to be trusted) or "failed" (there is
+  // no result; the fit ends).
   std::string status = "not run";
   std::vector<std::string> warnings;
   // Stage-specific figures: iterations, cost per residual family at start and

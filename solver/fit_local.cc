@@ -361,16 +361,17 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
   } else {
     nlohmann::ordered_json report, person_report, sections;
     std::vector<std::vector<PhotoPoint>> photo(evidence.size());
+    bool pose_is_usable = true;
     const auto solve_pose = [&](nlohmann::ordered_json* pose_report) {
-      SolvePerson(evidence,
-                  {kPoseRimSigma, kRimReach, 3, 3},
-                  photo,
-                  joint_options,
-                  nullptr,
-                  nullptr,
-                  body,
-                  joints,
-                  pose_report);
+      pose_is_usable = SolvePerson(evidence,
+                                   {kPoseRimSigma, kRimReach, 3, 3},
+                                   photo,
+                                   joint_options,
+                                   nullptr,
+                                   nullptr,
+                                   body,
+                                   joints,
+                                   pose_report);
     };
     for (int round = 0; round < options.rounds; ++round) {
       const bool first = round == 0;
@@ -405,7 +406,9 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
     summary->figures["radii"] = report;
     summary->figures["pose"] = person_report;
     summary->figures["sections"] = sections;
-    if (!report["usable"].get<bool>()) summary->status = "failed";
+    if (!pose_is_usable || !report["usable"].get<bool>()) {
+      summary->status = "failed";
+    }
   }
   const double error = Stand(evidence, *joints, *body, kRimReach).rim_error;
   summary->figures["rim_error_end_mm"] = 1000 * error;

@@ -239,7 +239,8 @@ PersonProblem::Information PersonProblem::InformationByFamily() const {
     }
     if (options.residual_blocks.empty()) continue;
     ceres::CRSMatrix crs;
-    problem_.Evaluate(options, nullptr, nullptr, nullptr, &crs);
+    // A problem that failed may hold residuals that cannot be evaluated.
+    if (!problem_.Evaluate(options, nullptr, nullptr, nullptr, &crs)) continue;
     // Nearly every residual is one of all the unknowns.
     const Eigen::MatrixXd jacobian =
         Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>>(

@@ -37,7 +37,8 @@ void RunStage(const std::string& stage,
 
 // Finds cameras that disagree with the others before anything is built on them,
 // and by default repairs them: silhouettes that do not belong together carve
-// the person away.
+// the person away. Pose by pose: what is seen of a pose is shared by fits of
+// different poses, and a camera may be pushed between two of them.
 void CheckCoherence(const IncoherenceOptions& options,
                     Progress* progress,
                     Observation* seen,
@@ -129,17 +130,25 @@ FitResult FitTemplate(
 
   // One body for all poses.
   const double stature = BestStature(landmarks);
+  const auto run_stage = [&](const std::string& stage,
+                             const std::function<void(StageSummary*)>& run) {
+    RunStage(stage, "", run, progress, &result.stages);
+    // Nothing may be built on a solution that is none.
+    if (result.stages.back().status != "failed") return;
+    std::string names;
+    for (const PoseResult& pose : result.poses) {
+      names += (names.empty() ? "" : ", ") + pose.name;
+    }
+    throw FitError(stage + ": no usable solution (pose " + names +
+                   "): look at what it starts from (--until landmarks) and fit "
+                   "single poses (--poses)");
+  };
   result.body = StartBody(imported, stature);
   JointResult joints;
-  RunStage(
-      "joints",
-      "",
-      [&](StageSummary* summary) {
-        joints = EstimateJoints(
-            landmarks, result.body.skeleton, stature, options.joints, summary);
-      },
-      progress,
-      &result.stages);
+  run_stage("joints", [&](StageSummary* summary) {
+    joints = EstimateJoints(
+        landmarks, result.body.skeleton, stature, options.joints, summary);
+  });
   SetBoneLengths(joints.skeleton.length, &result.body);
   StorePoses(joints, &result);
   if (until < FindFitStage("global")) return result;
@@ -167,52 +176,37 @@ FitResult FitTemplate(
                         &pose.seen->landmarks,
                         photo.empty() ? nullptr : &photo[p]});
   }
-  RunStage(
-      "global",
-      "",
-      [&](StageSummary* summary) {
-        FitGlobal(evidence,
-                  options.global,
-                  options.joints,
-                  &result.body,
-                  &joints,
-                  summary);
-      },
-      progress,
-      &result.stages);
+  run_stage("global", [&](StageSummary* summary) {
+    FitGlobal(evidence,
+              options.global,
+              options.joints,
+              &result.body,
+              &joints,
+              summary);
+  });
   const std::vector<Eigen::Vector3d> reference_rest = RestVertices(result.body);
   if (until >= FindFitStage("local")) {
-    RunStage(
-        "local",
-        "",
-        [&](StageSummary* summary) {
-          FitLocal(evidence,
-                   options.local,
-                   options.joints,
-                   &result.body,
-                   &joints,
-                   summary);
-          for (const std::string& warning : summary->warnings) {
-            if (progress != nullptr) progress->Warning("local: " + warning);
-          }
-        },
-        progress,
-        &result.stages);
+    run_stage("local", [&](StageSummary* summary) {
+      FitLocal(evidence,
+               options.local,
+               options.joints,
+               &result.body,
+               &joints,
+               summary);
+      for (const std::string& warning : summary->warnings) {
+        if (progress != nullptr) progress->Warning("local: " + warning);
+      }
+    });
   }
   if (until >= FindFitStage("refine")) {
-    RunStage(
-        "refine",
-        "",
-        [&](StageSummary* summary) {
-          RefineSurface(evidence,
-                        options.refine,
-                        reference_rest,
-                        joints,
-                        &result.body,
-                        summary);
-        },
-        progress,
-        &result.stages);
+    run_stage("refine", [&](StageSummary* summary) {
+      RefineSurface(evidence,
+                    options.refine,
+                    reference_rest,
+                    joints,
+                    &result.body,
+                    summary);
+    });
   }
   result.body.stature = joints.stature;
   result.body.sex = joints.sex;
@@ -220,21 +214,16 @@ FitResult FitTemplate(
   if (until < FindFitStage("texture")) return result;
 
   const auto solve_texture = [&] {
-    RunStage(
-        "texture",
-        "",
-        [&](StageSummary* summary) {
-          std::vector<std::vector<Eigen::Vector3d>> vertices;
-          std::vector<std::vector<View>> views;
-          for (const PoseResult& pose : result.poses) {
-            vertices.push_back(pose.vertices_in_world);
-            views.push_back(pose.seen->views);
-          }
-          result.texture = SolveTexture(
-              result.body, vertices, views, options.texture, progress, summary);
-        },
-        progress,
-        &result.stages);
+    run_stage("texture", [&](StageSummary* summary) {
+      std::vector<std::vector<Eigen::Vector3d>> vertices;
+      std::vector<std::vector<View>> views;
+      for (const PoseResult& pose : result.poses) {
+        vertices.push_back(pose.vertices_in_world);
+        views.push_back(pose.seen->views);
+      }
+      result.texture = SolveTexture(
+          result.body, vertices, views, options.texture, progress, summary);
+    });
   };
   std::vector<StageSummary> skin_stages;
   const auto fit_skin = [&] {

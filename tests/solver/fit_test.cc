@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Fits of small synthetic captures, of people the template does not know.
+#include <glog/logging.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
+#include <utility>
 
 #include "experiments/metrics.h"
 #include "experiments/result_folder.h"
@@ -244,6 +248,33 @@ TEST(Fit, AForeignRigIsAsAccurateAsOurTemplate) {
   RecordProperty("surface_um", static_cast<int>(5e5 * distance[1]));
   EXPECT_LT(joints[1], joints[0] + 0.010);
   EXPECT_LT(distance[1], 1.3 * distance[0]);
+}
+
+// A solution that is none is no result, whoever reads the report.
+TEST(Fit, EndsWhereAStageFails) {
+  const auto seen = std::make_shared<Observation>();
+  seen->pose = "A";
+  seen->landmarks.facing_in_world = Eigen::Vector3d::UnitZ();
+  seen->landmarks.stature = 1.7;
+  seen->landmarks.stature_sigma = 0.02;
+  Landmark3 landmark;
+  landmark.name = "head";
+  landmark.joint = kHead;
+  landmark.point_in_world.setConstant(std::nan(""));
+  landmark.covariance = 1e-4 * Eigen::Matrix3d::Identity();
+  seen->landmarks.landmarks = {landmark};
+  FitOptions options;
+  options.until = "joints";
+  // Ceres prints all of a residual that it cannot evaluate.
+  const int level = std::exchange(FLAGS_minloglevel, google::GLOG_ERROR);
+  try {
+    FitObserved({seen}, {}, options, nullptr);
+    ADD_FAILURE() << "no FitError";
+  } catch (const FitError& error) {
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("joints: no usable"));
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("pose A"));
+  }
+  FLAGS_minloglevel = level;
 }
 
 TEST(Fit, RefusesWhatItCannotFit) {
