@@ -48,10 +48,13 @@ void CheckCoherence(const IncoherenceOptions& options,
   std::vector<std::vector<View>> views = {seen->views};
   const std::vector<Incoherence> found = FindIncoherence(views, options);
   const bool repair = options.mode == "repair";
+  std::vector<bool> repaired;
+  if (repair) repaired = RepairIncoherence(found, &views);
   auto& figures = summary->figures["found"] = nlohmann::ordered_json::array();
-  for (const Incoherence& item : found) {
+  for (size_t i = 0; i < found.size(); ++i) {
+    const Incoherence& item = found[i];
     const std::string text = "pose " + seen->pose + ", " + item.Text() +
-                             (repair ? item.RepairText() : "");
+                             (repair ? item.RepairText(repaired[i]) : "");
     summary->warnings.push_back(text);
     if (progress != nullptr) progress->Warning(text);
     const Eigen::Vector3d& turn = item.camera.turn;
@@ -63,8 +66,6 @@ void CheckCoherence(const IncoherenceOptions& options,
                        {"shift_px", item.camera.shift}});
   }
   if (!found.empty()) summary->status = "weak";
-  if (!repair) return;
-  RepairIncoherence(found, &views);
   seen->views = std::move(views.front());
 }
 
@@ -129,7 +130,6 @@ FitResult FitTemplate(
   if (until < FindFitStage("joints")) return result;
 
   // One body for all poses.
-  const double stature = BestStature(landmarks);
   const auto run_stage = [&](const std::string& stage,
                              const std::function<void(StageSummary*)>& run) {
     RunStage(stage, "", run, progress, &result.stages);
@@ -143,6 +143,7 @@ FitResult FitTemplate(
                    "): look at what it starts from (--until landmarks) and fit "
                    "single poses (--poses)");
   };
+  const double stature = BestStature(landmarks);
   result.body = StartBody(imported, stature);
   JointResult joints;
   run_stage("joints", [&](StageSummary* summary) {

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstdio>
 #include <numbers>
+#include <set>
 
 #include "model/median.h"
 #include "volume/silhouette_cones.h"
@@ -360,7 +361,7 @@ void FindTurn(const std::vector<Scene>& scenes,
 struct Setup {
   std::vector<Scene> scenes;
   std::vector<std::string> camera_ids;
-  double focal_length = 0;
+  std::vector<double> focal_lengths;  // per camera
 };
 
 Setup MakeSetup(const std::vector<std::vector<View>>& poses) {
@@ -377,7 +378,7 @@ Setup MakeSetup(const std::vector<std::vector<View>>& poses) {
       cameras.push_back(static_cast<int>(it - setup.camera_ids.begin()));
       if (it == setup.camera_ids.end()) {
         setup.camera_ids.push_back(view.camera.id);
-        setup.focal_length = view.camera.FocalLength();
+        setup.focal_lengths.push_back(view.camera.FocalLength());
       }
     }
     constexpr size_t kMinViews = 3;
@@ -489,7 +490,7 @@ std::optional<Incoherence> WorstCamera(const Setup& setup, bool thorough) {
   if (!look) return std::nullopt;
   tbb::parallel_for(size_t{0}, count, [&](size_t c) {
     FindTurn(
-        setup.scenes, static_cast<int>(c), setup.focal_length, &cameras[c]);
+        setup.scenes, static_cast<int>(c), setup.focal_lengths[c], &cameras[c]);
   });
   const CameraCoherence* worst = nullptr;
   for (const CameraCoherence& camera : cameras) {
@@ -534,9 +535,10 @@ std::vector<int> HarmfulPoses(const std::vector<std::vector<View>>& poses,
   return harmful;
 }
 
-void RemoveView(const std::string& camera_id, std::vector<View>* views) {
-  std::erase_if(*views,
-                [&](const View& view) { return view.camera.id == camera_id; });
+bool RemoveView(const std::string& camera_id, std::vector<View>* views) {
+  return std::erase_if(*views, [&](const View& view) {
+           return view.camera.id == camera_id;
+         }) > 0;
 }
 
 }  // namespace
@@ -559,10 +561,8 @@ void MeasureTurn(const std::vector<std::vector<View>>& poses,
   const auto it = std::find(
       setup.camera_ids.begin(), setup.camera_ids.end(), camera->camera_id);
   if (it == setup.camera_ids.end()) return;
-  FindTurn(setup.scenes,
-           static_cast<int>(it - setup.camera_ids.begin()),
-           setup.focal_length,
-           camera);
+  const auto c = it - setup.camera_ids.begin();
+  FindTurn(setup.scenes, static_cast<int>(c), setup.focal_lengths[c], camera);
 }
 
 std::vector<Incoherence> FindIncoherence(std::vector<std::vector<View>> poses,
@@ -571,7 +571,9 @@ std::vector<Incoherence> FindIncoherence(std::vector<std::vector<View>> poses,
   Setup setup = MakeSetup(poses);
   // More than a third of the cameras cannot be told from the rest.
   const size_t most = setup.camera_ids.size() / 3;
-  while (found.size() < most) {
+  std::set<std::string> wrong;
+  // One may be turned first and left out then.
+  for (size_t round = 0; round < 2 * most && wrong.size() < most; ++round) {
     const auto worst = WorstCamera(setup, options.thorough);
     if (!worst) break;
     std::vector<Incoherence> findings = {*worst};
@@ -585,8 +587,13 @@ std::vector<Incoherence> FindIncoherence(std::vector<std::vector<View>> poses,
       // it looks elsewhere than its calibration says.
       if (findings.empty() || worst->camera.miss > 1.5) findings = {*worst};
     }
-    RepairIncoherence(findings, &poses);
-    found.insert(found.end(), findings.begin(), findings.end());
+    const std::vector<bool> repaired = RepairIncoherence(findings, &poses);
+    const bool any =
+        std::find(repaired.begin(), repaired.end(), true) != repaired.end();
+    if (wrong.insert(worst->camera.camera_id).second || any) {
+      found.insert(found.end(), findings.begin(), findings.end());
+    }
+    if (!any) break;  // it would be found again and again
     setup = MakeSetup(poses);
     if (setup.scenes.empty()) break;
   }
@@ -603,8 +610,10 @@ std::vector<Incoherence> FindIncoherence(std::vector<std::vector<View>> poses,
   return found;
 }
 
-void RepairIncoherence(const std::vector<Incoherence>& found,
-                       std::vector<std::vector<View>>* poses) {
+    bool is_repaired = false;
+std::vector<bool> RepairIncoherence(const std::vector<Incoherence>& found,
+                                    std::vector<std::vector<View>>* poses) {
+  std::vector<bool> repaired;
   for (const Incoherence& item : found) {
     const std::string& id = item.camera.camera_id;
     for (size_t p = 0; p < poses->size(); ++p) {
@@ -613,14 +622,17 @@ void RepairIncoherence(const std::vector<Incoherence>& found,
       if (!is_meant || item.kind == Incoherence::Kind::kShows) continue;
       if (item.kind == Incoherence::Kind::kTurned) {
         const Eigen::Matrix3d rotation = Rotation(item.camera.turn);
+          is_repaired = true;
         for (View& view : views) {
           if (view.camera.id != id) continue;
           Camera& camera = view.camera;
           camera.camera_from_world = rotation * camera.camera_from_world;
           camera.world_in_camera = rotation * camera.world_in_camera;
+    repaired.push_back(is_repaired);
         }
+  return repaired;
       } else if (views.size() > 3) {
-        RemoveView(id, &views);
+        is_repaired |= RemoveView(id, &views);
       }
     }
   }
@@ -665,13 +677,14 @@ std::string Incoherence::Text() const {
   return text;
 }
 
-std::string Incoherence::RepairText() const {
+std::string Incoherence::RepairText(bool repaired) const {
   switch (kind) {
     case Kind::kTurned:
       return "; it is turned back, but calibrate it anew";
     case Kind::kMoved:
     case Kind::kHides:
-      return "; it is left out";
+      return repaired ? "; it is left out"
+                      : "; it stays, as without it two views are left";
     case Kind::kShows:
       return "";
   }

@@ -63,8 +63,8 @@ struct Incoherence {
   int pose = -1;  // of a silhouette: position in poses
   // One line: which camera, how far, what that means.
   std::string Text() const;
-  // What RepairIncoherence does about it, to go on with: "; it is left out".
-  std::string RepairText() const;
+  // What RepairIncoherence did about it, to go on with: "; it is left out".
+  std::string RepairText(bool repaired) const;
 };
 
 struct IncoherenceOptions {
@@ -82,8 +82,9 @@ std::vector<Incoherence> FindIncoherence(std::vector<std::vector<View>> poses,
                                          const IncoherenceOptions& options);
 
 // Turns cameras of kTurned and removes views of kMoved and kHides as long as
-// three are left in the pose. kShows harms nobody else and stays.
-void RepairIncoherence(const std::vector<Incoherence>& found,
-                       std::vector<std::vector<View>>* poses);
+// three are left in the pose. kShows harms nobody else and stays. Says of each
+// whether anything was done.
+std::vector<bool> RepairIncoherence(const std::vector<Incoherence>& found,
+                                    std::vector<std::vector<View>>* poses);
 
 }  // namespace sweepfit

@@ -130,10 +130,44 @@ TEST(Coherence, LeavesOutASilhouetteThatHidesHalfOfThePerson) {
   EXPECT_EQ(found[0].kind, Kind::kHides);
   EXPECT_EQ(found[0].camera.camera_id, "cam2");
   EXPECT_EQ(found[0].pose, 1);
-  RepairIncoherence(found, &poses);
+  EXPECT_EQ(RepairIncoherence(found, &poses), std::vector<bool>{true});
   EXPECT_EQ(poses[0].size(), 8u);
   ASSERT_EQ(poses[1].size(), 7u);
   EXPECT_EQ(poses[1][2].camera.id, "cam3");
+}
+
+TEST(Coherence, SaysWhatItCouldNotLeaveOut) {
+  Incoherence hides;
+  hides.kind = Kind::kHides;
+  hides.camera.camera_id = "cam2";
+  hides.pose = 0;
+  auto poses = TwoPoses();
+  poses[0].resize(4);
+  for (const bool expected : {true, false}) {  // the fourth view, the third
+    const auto repaired = RepairIncoherence({hides}, &poses);
+    ASSERT_EQ(repaired, std::vector<bool>{expected});
+    EXPECT_EQ(poses[0].size(), 3u);
+    const std::string text = hides.RepairText(repaired[0]);
+    EXPECT_EQ(text.find("left out") != std::string::npos, expected) << text;
+    hides.camera.camera_id = "cam3";
+  }
+}
+
+// One camera that is wrong in both poses is one camera.
+TEST(Coherence, LooksForAThirdOfTheCameras) {
+  auto poses = TwoPoses();
+  Spoil(false, &poses[0][2]);
+  Spoil(false, &poses[1][2]);
+  Turn("cam5", Eigen::Vector3d::UnitY(), kDegree, &poses);
+  const auto found = Find(poses, false);
+  ASSERT_EQ(found.size(), 3u);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(found[i].kind, Kind::kHides);
+    EXPECT_EQ(found[i].camera.camera_id, "cam2");
+    EXPECT_EQ(found[i].pose, i);
+  }
+  EXPECT_EQ(found[2].kind, Kind::kTurned);
+  EXPECT_EQ(found[2].camera.camera_id, "cam5");
 }
 
 TEST(Coherence, TellsOfPartsThatNobodyElseSees) {
