@@ -158,8 +158,9 @@ std::optional<PointObservation> MeasureTip(
         FindEdge(view, start, along, length + reach, clearance);
     farthest = std::max(farthest, edges[i + half_width]);
   }
-  // An edge well before the tip belongs to something else.
-  if (farthest < length - reach) return std::nullopt;
+  // An edge well before the tip belongs to something else. Near the base there
+  // may be no edge at all.
+  if (farthest < 0 || farthest < length - reach) return std::nullopt;
   double sum = 0;
   int count = 0;
   for (int i = -half_width; i <= half_width; ++i) {

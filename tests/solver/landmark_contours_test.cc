@@ -97,5 +97,14 @@ TEST(AllowForNeighbours, ALimbThatStandsAloneIsKnownAsMeasured) {
   EXPECT_TRUE(AllowForNeighbours({}).empty());
 }
 
+// A tip less than its reach from its base, which no outline is near.
+TEST(MeasureTip, SaysNothingWhereThereIsNoEdge) {
+  const View view = SeeLegs({0.13, 0.5, 0}, {-0.13, 0.5, 0}).front();
+  TipPlace place;
+  place.base_in_world = {0, 0.5, 0};  // between the legs
+  place.half_width = 0.01;
+  EXPECT_FALSE(MeasureTip(view, place, {0, 0.48, 0}));
+}
+
 }  // namespace
 }  // namespace sweepfit
