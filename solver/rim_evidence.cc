@@ -186,6 +186,7 @@ PosedBody PoseForFit(const Body& body, const Pose& pose) {
 
 ObservedContour ObserveContour(const View& view, double spacing) {
   ObservedContour observed;
+  observed.spacing = spacing;
   constexpr double kBorder = 3;  // pixels
   for (const auto& polyline : SubpixelContours(view.coverage)) {
     std::vector<Vector2d> pinhole;
@@ -254,11 +255,9 @@ RimEvidence GatherRimEvidence(const PosedBody& body,
                 max_distance,
                 &result.pairs,
                 &result.num_unexplained);
-    const auto& pixel = contours[v].pixel;
-    if (pixel.size() < 2) return;
-    const double spacing = (pixel[1] - pixel[0]).norm();
     for (ContourPair& pair : result.pairs) {
-      pair.weight = std::min(1.0, spacing / kContourCorrelationPixels);
+      pair.weight =
+          std::min(1.0, contours[v].spacing / kContourCorrelationPixels);
     }
   });
   RimEvidence evidence;

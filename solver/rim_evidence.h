@@ -21,6 +21,7 @@ PosedBody PoseForFit(const Body& body, const Pose& pose);
 // outward unit normals. Pieces at the picture's border are left out: there the
 // picture ends, not the person.
 struct ObservedContour {
+  double spacing = 0;
   std::vector<Eigen::Vector2d> pixel;
   std::vector<Eigen::Vector2d> normal;
 };
