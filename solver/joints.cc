@@ -146,10 +146,21 @@ std::optional<std::string> JointOptions::Check() const {
   if (mode != "sigma" && std::abs(SumOfWeights(weights) - 1) > 1e-9) {
     return "joints.weights landmark + template_ratio + anthropometric must be "
            "1 in mode " +
-           mode;
+           mode + ": set all three, for instance 0.4, 0.3 and 0.3";
   }
   if (!(template_sigma > 0)) return "joints.template_sigma must be positive";
   return std::nullopt;
+}
+
+JointOptions::Weights JointOptions::FamilyWeights() const {
+  Weights families = weights;
+  if (mode != "sigma") {
+    const Weights whole;
+    families.landmark = whole.landmark;
+    families.template_ratio = whole.template_ratio;
+    families.anthropometric = whole.anthropometric;
+  }
+  return families;
 }
 
 JointResult EstimateJoints(const std::vector<LandmarkResult>& landmarks,
@@ -195,10 +206,8 @@ JointResult EstimateJoints(const std::vector<LandmarkResult>& landmarks,
   for (const LandmarkResult& pose : landmarks) {
     points.push_back(pose.landmarks);
   }
-  JointOptions::Weights weights = options.weights;
-  if (options.mode != "sigma") {
-    weights = JointOptions::Weights();  // to fill joints no landmark speaks of
-  }
+  // In the other modes to fill joints no landmark speaks of.
+  JointOptions::Weights weights = options.FamilyWeights();
   // Graduated non-convexity: a wide loss first, so that one bad landmark cannot
   // trap a limb.
   std::unique_ptr<PersonProblem> problem;
@@ -251,9 +260,8 @@ JointResult EstimateJoints(const std::vector<LandmarkResult>& landmarks,
                   options.weights.anthropometric);
       }
     }
-    weights = JointOptions::Weights();
     weights.anthropometric = 1e-4;  // only to keep lengths regular
-    weights.pose = 0.01;
+    weights.pose *= 0.01;
     problem = solve(weights, points, 0);
   }
 

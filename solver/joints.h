@@ -30,6 +30,9 @@ struct JointOptions {
     double silhouette = 0.05;  // a template is not the person: its outline errs
     double photo = 0.12;  // points of the surface that the photographs matched
   } weights;
+  // The multipliers of the residual families in any mode: convex weights weigh
+  // joints against each other, the families they are named after stay whole.
+  Weights FamilyWeights() const;
   double template_sigma = 0.05;  // of a bone's ln(length / stature)
   std::optional<std::string> Check() const;
 };

@@ -134,8 +134,7 @@ bool SolvePerson(const std::vector<PoseEvidence>& evidence,
   if (basis != nullptr) rest_derivatives = RestByLogRatio(*body);
   const double loss_scale = 2;
   const bool sigma_mode = options.mode == "sigma";
-  const JointOptions::Weights weights =
-      sigma_mode ? options.weights : JointOptions::Weights();
+  const JointOptions::Weights weights = options.FamilyWeights();
   for (size_t p = 0; p < evidence.size(); ++p) {
     for (const Landmark3& landmark : evidence[p].landmarks->landmarks) {
       problem.AddLandmark(static_cast<int>(p),

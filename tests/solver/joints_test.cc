@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "solver/joints.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "model/anthropometry.h"
@@ -179,6 +180,32 @@ TEST(JointOptions, SimplexWeightsMustSumToOne) {
   EXPECT_EQ(options.Check(), std::nullopt);
   options.mode = "guess";
   EXPECT_NE(options.Check(), std::nullopt);
+}
+
+// A mode alone is refused with words that say what else to set.
+TEST(JointOptions, ConvexModesSayWhichWeightsTheyNeed) {
+  JointOptions options;
+  options.mode = "paper";
+  EXPECT_THAT(*options.Check(), ::testing::HasSubstr("set all three"));
+}
+
+// The other weights stay the user's in every mode.
+TEST(JointOptions, ConvexWeightsLeaveTheFamiliesWhole) {
+  JointOptions options;
+  options.weights.landmark = 0.5;
+  options.weights.template_ratio = 0.2;
+  options.weights.anthropometric = 0.3;
+  options.weights.pose = 3;
+  options.weights.silhouette = 0.2;
+  for (const std::string mode : {"sigma", "simplex", "paper"}) {
+    options.mode = mode;
+    const JointOptions::Weights families = options.FamilyWeights();
+    EXPECT_EQ(families.pose, 3) << mode;
+    EXPECT_EQ(families.silhouette, 0.2) << mode;
+    EXPECT_EQ(families.landmark, mode == "sigma" ? 0.5 : 1) << mode;
+    EXPECT_EQ(families.template_ratio, mode == "sigma" ? 0.2 : 0) << mode;
+    EXPECT_EQ(families.anthropometric, mode == "sigma" ? 0.3 : 1) << mode;
+  }
 }
 
 }  // namespace
