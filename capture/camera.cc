@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 
@@ -98,6 +99,53 @@ Eigen::Vector2d Camera::Undistort(const Eigen::Vector2d& pixel) const {
     if (length < tolerance) break;
   }
   return ToPixel(K, p);
+}
+
+bool Camera::CanUndistort() const {
+  if (!HasDistortion()) return true;
+  constexpr double kTolerance = 0.01;  // pixels
+  constexpr int kPerSide = 16;
+  constexpr int kOnTheWay = 16;
+  const double right = width - 1, bottom = height - 1;
+  for (int i = 0; i < kPerSide; ++i) {
+    const double f = static_cast<double>(i) / kPerSide;
+    for (const Eigen::Vector2d& pixel :
+         {Eigen::Vector2d(f * right, 0),
+          Eigen::Vector2d(right, f * bottom),
+          Eigen::Vector2d((1 - f) * right, bottom),
+          Eigen::Vector2d(0, (1 - f) * bottom)}) {
+      const Eigen::Vector2d pinhole = Undistort(pixel);
+      if (!((Distort(pinhole) - pixel).norm() < kTolerance)) return false;
+      // A point beyond a fold may be distorted to the same pixel.
+      const Eigen::Vector2d p = Normalise(K, pinhole);
+      for (int step = 1; step <= kOnTheWay; ++step) {
+        Eigen::Matrix2d jacobian;
+        DistortNormalised(
+            distortion, static_cast<double>(step) / kOnTheWay * p, &jacobian);
+        if (!(jacobian.determinant() > 0)) return false;
+      }
+    }
+  }
+  return true;
+}
+
+std::optional<std::string> MakeRotation(Eigen::Matrix3d* matrix) {
+  constexpr double kMaxDeviation = 1e-3;
+  constexpr double kRounding = 1e-12;
+  const double deviation =
+      (matrix->transpose() * *matrix - Eigen::Matrix3d::Identity())
+          .cwiseAbs()
+          .maxCoeff();
+  if (!(deviation <= kMaxDeviation)) {
+    return "is no rotation: its rows are not orthonormal";
+  }
+  if (matrix->determinant() < 0) return "is a reflection, not a rotation";
+  // Numbers that were saved by this program must come back as they were.
+  if (deviation <= kRounding) return std::nullopt;
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(
+      *matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  *matrix = svd.matrixU() * svd.matrixV().transpose();
+  return std::nullopt;
 }
 
 }  // namespace sweepfit

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <optional>
 #include <string>
 
 namespace sweepfit {
@@ -40,6 +41,14 @@ struct Camera {
   Eigen::Vector2d Distort(const Eigen::Vector2d& pinhole_pixel) const;
   // Inverse of Distort by fixed-point/Newton iteration to 1e-9 px.
   Eigen::Vector2d Undistort(const Eigen::Vector2d& pixel) const;
+  // Whether Undistort is that inverse out to the picture's border: coefficients
+  // of another lens, model or size of picture fold the picture over.
+  bool CanUndistort() const;
 };
+
+// Replaces a matrix that may deviate from a rotation by 1e-3, as rounded text
+// does, by the nearest one; one that is exact but for the rounding of doubles
+// stays as it is. Says what is wrong with any other: "is no rotation: ...".
+std::optional<std::string> MakeRotation(Eigen::Matrix3d* matrix);
 
 }  // namespace sweepfit

@@ -63,24 +63,12 @@ void SetPose(const Eigen::Matrix3d& R,
              const Eigen::Vector3d& t,
              const std::string& where,
              Camera* camera) {
-  constexpr double kMaxDeviation = 1e-3;
-  constexpr double kRounding = 1e-12;
   if (!R.allFinite() || !t.allFinite()) {
     FailImport(where, "the pose holds a number that is not finite");
   }
-  const double deviation =
-      (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-  if (!(deviation <= kMaxDeviation)) {
-    FailImport(where, "R is no rotation: its rows are not orthonormal");
-  }
-  if (R.determinant() < 0) {
-    FailImport(where, "R is a reflection, not a rotation");
-  }
   camera->camera_from_world = R;
-  if (deviation > kRounding) {
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(
-        R, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    camera->camera_from_world = svd.matrixU() * svd.matrixV().transpose();
+  if (const auto error = MakeRotation(&camera->camera_from_world)) {
+    FailImport(where, "R " + *error);
   }
   camera->world_in_camera = t;
 }

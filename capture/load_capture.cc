@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <yaml-cpp/yaml.h>
 
-#include <Eigen/LU>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cctype>
 #include <cmath>
 #include <initializer_list>
+#include <map>
 #include <set>
 #include <string_view>
 
 #include "capture/capture.h"
+#include "capture/up_axis.h"
 #include "model/input_error.h"
 
 namespace sweepfit {
@@ -193,15 +193,16 @@ World ReadWorld(const Reader& reader, const YAML::Node& root) {
   }
   const YAML::Node up_node = reader.Required(root, "", "up");
   const std::string up = reader.Text(up_node, "", "up");
-  if (up == "z") {
-    world.ours_from_file << 1, 0, 0, 0, 0, 1, 0, -1, 0;
-  } else if (up == "-y") {
-    world.ours_from_file << 1, 0, 0, 0, -1, 0, 0, 0, -1;
-  } else if (up == "-z") {
-    world.ours_from_file << 1, 0, 0, 0, 0, -1, 0, 1, 0;
-  } else if (up != "y") {
+  const std::map<std::string, Eigen::Vector3d> axes = {
+      {"y", Eigen::Vector3d::UnitY()},
+      {"z", Eigen::Vector3d::UnitZ()},
+      {"-y", -Eigen::Vector3d::UnitY()},
+      {"-z", -Eigen::Vector3d::UnitZ()}};
+  const auto axis = axes.find(up);
+  if (axis == axes.end()) {
     reader.Fail(up_node, "", "'up' must be y, z, -y or -z, not '" + up + "'");
   }
+  world.ours_from_file = RotationToYUp(axis->second);
   return world;
 }
 
@@ -242,23 +243,11 @@ Eigen::Matrix3d ReadIntrinsics(const Reader& reader,
 Eigen::Matrix3d ReadRotation(const Reader& reader,
                              const YAML::Node& node,
                              const std::string& where) {
-  constexpr double kMaxDeviation = 1e-3;
-  constexpr double kRounding = 1e-12;
-  const Eigen::Matrix3d R = reader.Matrix(node, where, "R");
-  const double deviation =
-      (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-  if (!(deviation <= kMaxDeviation)) {
-    reader.Fail(
-        node, where, "'R' is no rotation: its rows are not orthonormal");
+  Eigen::Matrix3d R = reader.Matrix(node, where, "R");
+  if (const auto error = MakeRotation(&R)) {
+    reader.Fail(node, where, "'R' " + *error);
   }
-  if (R.determinant() < 0) {
-    reader.Fail(node, where, "'R' is a reflection, not a rotation");
-  }
-  // Numbers that were saved by this program must come back as they were.
-  if (deviation <= kRounding) return R;
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(
-      R, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  return svd.matrixU() * svd.matrixV().transpose();
+  return R;
 }
 
 // One picture of the empty scene, or a list of them.
@@ -310,6 +299,13 @@ CaptureCamera ReadCamera(const Reader& reader,
                       std::to_string(k.size()));
     }
     std::copy(k.begin(), k.end(), camera.distortion.begin());
+    if (!camera.CanUndistort()) {
+      reader.Fail(distortion,
+                  where,
+                  "'distortion' cannot be undone out to the picture's border: "
+                  "it must be k1, k2, p1, p2[, k3] in this order, of no "
+                  "fisheye lens, and fit K, width and height");
+    }
   }
   const Eigen::Matrix3d camera_from_file =
       ReadRotation(reader, reader.Required(node, where, "R"), where);

@@ -80,6 +80,21 @@ TEST(Camera, UndistortInvertsDistort) {
   }
 }
 
+// Coefficients of another lens fold the picture over.
+TEST(Camera, SaysWhetherItsLensCanBeUndone) {
+  Camera camera = TestCamera();
+  EXPECT_TRUE(camera.CanUndistort());
+  camera.distortion = {};
+  EXPECT_TRUE(camera.CanUndistort());
+  camera.distortion = {-0.9, 0, 0, 0, 0};  // no point is seen at the corners
+  EXPECT_FALSE(camera.CanUndistort());
+  camera.distortion = {-1.2, 0.4, 0, 0, 0};  // one beyond the fold is
+  EXPECT_LT((camera.Distort(camera.Undistort({0, 0}))).norm(), 0.01);
+  EXPECT_FALSE(camera.CanUndistort());
+  camera.distortion = {-0.31, std::nan(""), 0, 0, 0};
+  EXPECT_FALSE(camera.CanUndistort());
+}
+
 TEST(Camera, RayPassesThroughThePoint) {
   const Camera camera = TestCamera();
   const Eigen::Vector3d point =

@@ -107,7 +107,8 @@ TEST_F(CaptureTest, ReadsEveryField) {
   EXPECT_EQ(camera.distortion[4], 0.01);
   EXPECT_EQ(camera.world_in_camera, Eigen::Vector3d(0.1, 0.2, 3));
   EXPECT_EQ(capture.cameras[1].camera.camera_from_world(0, 2), 1);
-  EXPECT_THAT(capture.cameras[0].background, ::testing::ElementsAre("plate.png"));
+  EXPECT_THAT(capture.cameras[0].background,
+              ::testing::ElementsAre("plate.png"));
   EXPECT_EQ(capture.cameras[0].chroma_key, "green");
   EXPECT_TRUE(capture.cameras[1].background.empty());
   EXPECT_TRUE(capture.IsHoldout("side"));
@@ -201,6 +202,9 @@ TEST_F(CaptureTest, RejectsEveryMalformedFile) {
       {"K: [40, 0,", "K: [40,", "must have 9 numbers, not 8"},
       {"K: [40,", "K: [forty,", "numbers only"},
       {"[0.1, -0.02, 0.001, 0.002, 0.01]", "[0.1, 0.2]", "4 or 5 numbers"},
+      {"[0.1, -0.02,",
+       "[-8, 4,",
+       "camera front: 'distortion' cannot be undone"},
       {"R: [1, 0, 0, 0, 1", "R: [1, 0, 0, 0, -1", "reflection"},
       {"R: [1, 0, 0, 0, 1", "R: [1, 0, 0, 0, 1.1", "no rotation"},
       {"t: [0.1, 0.2, 3]", "t: [0.1, 0.2]", "must have 3 numbers"},
