@@ -19,6 +19,8 @@ struct TriangleMesh {
 
 // A quad whose last corner repeats the third stands for a triangle.
 inline bool IsTriangle(const Quad& quad) { return quad[2] == quad[3]; }
+inline int NumCorners(const Quad& quad) { return IsTriangle(quad) ? 3 : 4; }
+inline int NumCorners(const Triangle&) { return 3; }
 
 // Splits every quad along its shorter diagonal in the given vertex positions
 // (ties: the diagonal 0-2); a quad that stands for a triangle gives only that.

@@ -42,20 +42,22 @@ void SaveObj(const BodyTopology& topology,
   for (const Eigen::Vector3d& n : normals) {
     Line(&text, "vn %.6f %.6f %.6f\n", n.x(), n.y(), n.z());
   }
-  // Every corner has a texture coordinate of its own, numbered from 1.
-  for (const auto& corners : topology.uv) {
-    for (const Eigen::Vector2f& uv : corners) {
+  for (std::size_t q = 0; q < topology.quads.size(); ++q) {
+    for (int corner = 0; corner < NumCorners(topology.quads[q]); ++corner) {
+      const Eigen::Vector2f& uv = topology.uv[q][corner];
       Line(&text,
            "vt %.7f %.7f\n",
            static_cast<double>(uv.x()),
            static_cast<double>(uv.y()));
     }
   }
-  for (std::size_t q = 0; q < topology.quads.size(); ++q) {
+  // Every corner has a texture coordinate of its own, numbered from 1.
+  int uv = 0;
+  for (const Quad& quad : topology.quads) {
     text += "f";
-    for (std::size_t corner = 0; corner < 4; ++corner) {
-      const int v = topology.quads[q][corner] + 1;
-      Line(&text, " %d/%zu/%d", v, 4 * q + corner + 1, v);
+    for (int corner = 0; corner < NumCorners(quad); ++corner) {
+      const int v = quad[corner] + 1;
+      Line(&text, " %d/%d/%d", v, ++uv, v);
     }
     text += "\n";
   }

@@ -50,7 +50,9 @@ Unfolder::Lists Unfolder::ListPerVertex(const std::vector<Face>& faces,
   lists.first.assign(num_vertices + 1, 0);
   const int per_corner = of_neighbours ? 2 : 1;
   for (const Face& face : faces) {
-    for (const int v : face) lists.first[v + 1] += per_corner;
+    for (int i = 0; i < NumCorners(face); ++i) {
+      lists.first[face[i] + 1] += per_corner;
+    }
   }
   for (std::size_t v = 0; v < num_vertices; ++v) {
     lists.first[v + 1] += lists.first[v];
@@ -58,7 +60,7 @@ Unfolder::Lists Unfolder::ListPerVertex(const std::vector<Face>& faces,
   lists.entry.resize(lists.first.back());
   std::vector<int> next(lists.first.begin(), lists.first.end() - 1);
   for (std::size_t f = 0; f < faces.size(); ++f) {
-    const int corners = static_cast<int>(faces[f].size());
+    const int corners = NumCorners(faces[f]);
     for (int i = 0; i < corners; ++i) {
       int& at = next[faces[f][i]];
       if (of_neighbours) {

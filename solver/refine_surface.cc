@@ -95,11 +95,12 @@ Eigen::SparseMatrix<double> SmoothnessMatrix(const Body& body,
   const std::vector<Vector3d> vertices = RestVertices(body);
   std::vector<double> area(n, 0.0);
   for (const Quad& quad : body.topology.quads) {
-    const double quarter = (vertices[quad[2]] - vertices[quad[0]])
-                               .cross(vertices[quad[3]] - vertices[quad[1]])
-                               .norm() /
-                           8;
-    for (const int v : quad) area[v] += quarter;
+    const int corners = NumCorners(quad);
+    const double share = (vertices[quad[2]] - vertices[quad[0]])
+                             .cross(vertices[quad[3]] - vertices[quad[1]])
+                             .norm() /
+                         (2 * corners);
+    for (int i = 0; i < corners; ++i) area[quad[i]] += share;
   }
   std::vector<Eigen::Triplet<double>> triplets;
   for (int i = 0; i < n; ++i) {

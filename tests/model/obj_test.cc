@@ -64,5 +64,28 @@ TEST(SaveObj, HoldsTheMeshAndItsTexture) {
                InputError);
 }
 
+TEST(SaveObj, WritesTrianglesAsTriangles) {
+  const TemporaryFolder folder;
+  Body body = ToyBody(8);
+  body.topology.quads[0][3] = body.topology.quads[0][2];
+  const std::string path = (folder.path() / "body.obj").string();
+  SaveObj(body.topology, RestVertices(body), "", path);
+  const std::string text = ReadWholeFile(path);
+  std::istringstream faces(text.substr(text.find("\nf ") + 1));
+  std::string first, second;
+  std::getline(faces, first);
+  std::getline(faces, second);
+  const Quad& triangle = body.topology.quads[0];
+  std::string expected = "f";
+  for (int i = 0; i < 3; ++i) {
+    const std::string v = std::to_string(triangle[i] + 1);
+    expected += " " + v + "/" + std::to_string(i + 1) + "/" + v;
+  }
+  EXPECT_EQ(first, expected);
+  // Texture coordinates are counted as they are written.
+  EXPECT_NE(second.find("/4/"), std::string::npos);
+  EXPECT_NE(second.find("/7/"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace sweepfit

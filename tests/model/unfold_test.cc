@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <numbers>
 
 namespace sweepfit {
@@ -62,6 +63,34 @@ TEST(Unfolder, TurnsFacesBack) {
   }
   EXPECT_EQ(posed.front(), before.front());
   EXPECT_EQ(posed.back(), before.back());
+}
+
+// Which corner of a triangle comes last does not matter.
+TEST(Unfolder, TakesTrianglesAsTheyAre) {
+  std::vector<Quad> quads;
+  std::vector<Eigen::Vector3d> rest;
+  Sheet(&quads, &rest);
+  std::array<std::vector<Eigen::Vector3d>, 2> results;
+  for (const bool turn : {false, true}) {
+    std::vector<Quad> triangles;
+    for (const Quad& q : quads) {
+      for (const auto& [a, b, c] :
+           {Triangle{q[0], q[1], q[2]}, Triangle{q[0], q[2], q[3]}}) {
+        const bool turn_this = turn && triangles.size() % 3 == 0;
+        triangles.push_back(turn_this ? Quad{b, c, a, a} : Quad{a, b, c, c});
+      }
+    }
+    const Unfolder unfolder(triangles, rest);
+    std::vector<Eigen::Vector3d>& posed = results[turn];
+    posed = rest;
+    posed[10 * (kSide + 1) + 10].x() += 0.011;
+    const std::vector<Eigen::Matrix3d> rotation(rest.size(),
+                                                Eigen::Matrix3d::Identity());
+    EXPECT_EQ(unfolder.Apply(rotation, &posed), 0);
+  }
+  for (std::size_t v = 0; v < rest.size(); ++v) {
+    EXPECT_LT((results[0][v] - results[1][v]).norm(), 1e-9) << v;
+  }
 }
 
 TEST(Unfolder, MovesLittleForASmallFold) {
