@@ -131,10 +131,10 @@ void AddTargets(const PoseEvidence& evidence,
                 const RimEvidence& rims,
                 const std::vector<PhotoPoint>& photo,
                 const PosedBody& posed,
-                double sigma,
+                double sigma_rim,
                 OffsetSystem* system) {
   const std::vector<View>& views = *evidence.views;
-  const auto add = [&](int vertex, double target, double weight) {
+  const auto add = [&](int vertex, double target, double weight, double sigma) {
     if (std::abs(target) > kReach) return;
     // Huber weights at two standard deviations.
     const double robust = std::min(1.0, 2 * sigma / std::abs(target));
@@ -145,7 +145,8 @@ void AddTargets(const PoseEvidence& evidence,
     const double metre = rim.depth / view.camera.FocalLength();
     add(rim.vertex,
         -metre * SampleBilinear(view.signed_distance, rim.pixel).value,
-        rim.weight);
+        rim.weight,
+        sigma_rim);
   }
   for (const ContourPair& pair : rims.contour) {
     const View& view = views[pair.view];
@@ -154,20 +155,20 @@ void AddTargets(const PoseEvidence& evidence,
         view.camera.ProjectPinhole(posed.mesh.vertices[pair.vertex]);
     add(pair.vertex,
         metre * pair.contour_normal.dot(pair.contour_pixel - pixel),
-        pair.weight);
+        pair.weight,
+        sigma_rim);
   }
   for (const PhotoPoint& point : photo) {
     const int v = point.vertex;
     const double target =
         point.unit_normal.dot(point.point_in_world - posed.mesh.vertices[v]);
-    const double ratio = sigma / point.sigma;
-    add(v, target, evidence.photo->options().weight * ratio * ratio);
+    add(v, target, evidence.photo->options().weight, point.sigma);
   }
   const double margin = 0.5 * evidence.volume->voxel_size();
   for (size_t v = 0; v < posed.mesh.vertices.size(); ++v) {
     const double phi = evidence.volume->Sample(posed.mesh.vertices[v]);
     if (phi > margin && phi < 0.9 * evidence.volume->band_half_width()) {
-      add(static_cast<int>(v), -phi, 0.3);
+      add(static_cast<int>(v), -phi, 0.3, sigma_rim);
     }
   }
 }
