@@ -23,8 +23,6 @@ constexpr double kGapShare = 0.04;
 // Width of the smooth minimum, metres and as a share of the limit.
 constexpr double kSoftness = 0.006;
 constexpr double kSoftnessShare = 0.3;
-// Beyond the limit a little depth is kept, so that no face loses its area.
-constexpr double kDepthKept = 0;
 // Towards the far end of a bone its section keeps its shape.
 constexpr double kFadeBegin = 0.8;
 // Bends below this, radians, have no hinge.
@@ -60,8 +58,7 @@ double Fade(double from_joint) {
 
 double SoftMin(double x, double limit, double width) {
   const double t = std::clamp(0.5 + 0.5 * (limit - x) / width, 0.0, 1.0);
-  const double soft = t * x + (1 - t) * limit - width * t * (1 - t);
-  return soft + kDepthKept * std::max(0.0, x - soft);
+  return t * x + (1 - t) * limit - width * t * (1 - t);
 }
 
 // The map of a section, in coordinates n (inwards) and b (along the hinge).

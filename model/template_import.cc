@@ -502,13 +502,12 @@ class Importer {
   }
 
   void CheckReference(const Sweep& sweep, const Body& body) const {
-    for (std::size_t k = 1; k < sweep.chain.size(); ++k) {
-      const Vector3d& along = body.skeleton.rest_direction[sweep.chain[k]];
-      if (k == 1 && along.cross(sweep.rest_reference).norm() < 0.1) {
-        Fail("at rest the bone to " + std::string(kJointNames[sweep.chain[k]]) +
-             (sweep.rest_reference.y() != 0 ? " points up or down"
-                                            : " points to the front or back"));
-      }
+    const int joint = sweep.chain[1];
+    const Vector3d& along = body.skeleton.rest_direction[joint];
+    if (along.cross(sweep.rest_reference).norm() < 0.1) {
+      Fail("at rest the bone to " + std::string(kJointNames[joint]) +
+           (sweep.rest_reference.y() != 0 ? " points up or down"
+                                          : " points to the front or back"));
     }
   }
 

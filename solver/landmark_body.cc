@@ -555,7 +555,6 @@ void BodyTracer::AddLegs() {
     const double s_ankle = s_shank - (narrowest - ankle).dot(axis);
     const double leg_length = (hip - ankle).norm();
     double s_knee = s_ankle + 0.51 * leg_length;
-    double along_knee = 0.020;
     const Bend bend = SharpestBend(
         leg.line,
         s_ankle + 0.4 * leg_length,
@@ -566,10 +565,9 @@ void BodyTracer::AddLegs() {
                                       bend.s,
                                       leg.s_merge - 0.03 * height_) > 0.3) {
       s_knee = bend.s;
-      along_knee = 0.02;
     }
     if (s_knee < leg.s_merge) {
-      AddOnLimb(kKnee[side], leg.line, s_knee, along_knee, 0.010);
+      AddOnLimb(kKnee[side], leg.line, s_knee, 0.020, 0.010);
     } else {
       Unsafe(kNames[side], "the knee is hidden");
     }
