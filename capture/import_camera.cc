@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "capture/import_camera.h"
 
-#include <Eigen/Geometry>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -84,12 +82,6 @@ void SetSize(double width,
   }
   camera->width = static_cast<int>(width);
   camera->height = static_cast<int>(height);
-}
-
-Eigen::Matrix3d RotationOf(const Eigen::Vector3d& axis_angle) {
-  const double angle = axis_angle.norm();
-  if (angle == 0) return Eigen::Matrix3d::Identity();
-  return Eigen::AngleAxisd(angle, axis_angle / angle).toRotationMatrix();
 }
 
 bool ParseDouble(const std::string& text, double* value) {

@@ -37,9 +37,6 @@ void SetSize(double width,
              const std::string& where,
              Camera* camera);
 
-// Rotation of an axis-angle vector (Rodrigues).
-Eigen::Matrix3d RotationOf(const Eigen::Vector3d& axis_angle);
-
 // A finite number that is the whole of the text.
 bool ParseDouble(const std::string& text, double* value);
 

@@ -6,6 +6,7 @@
 #include "capture/import_camera.h"
 #include "capture/import_format.h"
 #include "capture/import_storage.h"
+#include "model/rigid_motion.h"
 
 namespace sweepfit {
 namespace {

@@ -11,6 +11,7 @@
 #include "capture/import_camera.h"
 #include "capture/import_format.h"
 #include "model/file_io.h"
+#include "model/rigid_motion.h"
 
 namespace sweepfit {
 namespace {

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "model/smooth_step.h"
+
 namespace sweepfit {
 namespace {
 
@@ -51,9 +53,7 @@ Place PlaceOf(const SweepAxis::Corner& corner, double from_joint) {
 }
 
 double Fade(double from_joint) {
-  const double t =
-      std::clamp((1 - std::abs(from_joint)) / (1 - kFadeBegin), 0.0, 1.0);
-  return t * t * (3 - 2 * t);
+  return SmoothStep((1 - std::abs(from_joint)) / (1 - kFadeBegin));
 }
 
 double SoftMin(double x, double limit, double width) {

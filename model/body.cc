@@ -10,19 +10,11 @@
 
 #include "model/bend_shape.h"
 #include "model/rigid_motion.h"
+#include "model/smooth_step.h"
 #include "model/unfold.h"
 
 namespace sweepfit {
 namespace {
-
-std::vector<SweepAxis> MakeAxes(const Body& body, const JointFrames& frames) {
-  std::vector<SweepAxis> axes;
-  axes.reserve(body.sweeps.size());
-  for (const Sweep& sweep : body.sweeps) {
-    axes.emplace_back(sweep, body.skeleton, frames);
-  }
-  return axes;
-}
 
 Eigen::Vector3d Around(double theta) {
   return {std::cos(theta), std::sin(theta), 0};
@@ -230,6 +222,15 @@ JointFrames RestFrames(const Skeleton& skeleton) {
   return ForwardKinematics(skeleton, Pose());
 }
 
+std::vector<SweepAxis> MakeAxes(const Body& body, const JointFrames& frames) {
+  std::vector<SweepAxis> axes;
+  axes.reserve(body.sweeps.size());
+  for (const Sweep& sweep : body.sweeps) {
+    axes.emplace_back(sweep, body.skeleton, frames);
+  }
+  return axes;
+}
+
 std::vector<Eigen::Vector3d> RestVertices(const Body& body) {
   const std::vector<SweepAxis> axes = MakeAxes(body, RestFrames(body.skeleton));
   std::vector<Eigen::Vector3d> vertices(body.num_vertices());
@@ -279,8 +280,7 @@ std::vector<double> SkullShare(const Body& body,
       nearest = std::min(nearest, (rest[v] - rest[b]).squaredNorm());
     }
     const double height = (is_head ? 1 : -1) * std::sqrt(nearest);
-    const double t = std::clamp((height + below) / (below + above), 0.0, 1.0);
-    share[v] = t * t * (3 - 2 * t);
+    share[v] = SmoothStep((height + below) / (below + above));
   }
   return share;
 }

@@ -87,6 +87,9 @@ void BindVertices(
 // The joints and frames of the rest pose, root at `root_in_world` = 0.
 JointFrames RestFrames(const Skeleton& skeleton);
 
+// The axes of all sweeps in a posture.
+std::vector<SweepAxis> MakeAxes(const Body& body, const JointFrames& frames);
+
 // Vertices of the body at rest.
 std::vector<Eigen::Vector3d> RestVertices(const Body& body);
 

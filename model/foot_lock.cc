@@ -10,6 +10,7 @@
 #include <numbers>
 
 #include "model/joint_limits.h"
+#include "model/smooth_step.h"
 
 namespace sweepfit {
 namespace {
@@ -17,11 +18,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-
-double SmoothStep(double t) {
-  t = std::clamp(t, 0.0, 1.0);
-  return t * t * (3 - 2 * t);
-}
 
 // Frames [begin, end).
 struct Interval {

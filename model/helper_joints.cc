@@ -13,15 +13,6 @@
 namespace sweepfit {
 namespace {
 
-std::vector<SweepAxis> MakeAxes(const Body& body, const JointFrames& frames) {
-  std::vector<SweepAxis> axes;
-  axes.reserve(body.sweeps.size());
-  for (const Sweep& sweep : body.sweeps) {
-    axes.emplace_back(sweep, body.skeleton, frames);
-  }
-  return axes;
-}
-
 RigidMotion MotionBetween(const SectionFrame& from, const SectionFrame& to) {
   const Eigen::Matrix3d rotation =
       to.world_from_section * from.world_from_section.transpose();

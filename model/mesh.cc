@@ -3,43 +3,13 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <numeric>
 #include <tuple>
 #include <utility>
 
+#include "model/disjoint_sets.h"
+
 namespace sweepfit {
 namespace {
-
-// Sets that grow together (union-find with path halving).
-class DisjointSets {
- public:
-  explicit DisjointSets(std::size_t count) : parent_(count) {
-    std::iota(parent_.begin(), parent_.end(), 0);
-  }
-
-  int Find(int i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-
-  // The smaller index represents the union.
-  void Unite(int a, int b) {
-    a = Find(a);
-    b = Find(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
-  int Count() const {
-    int count = 0;
-    for (std::size_t i = 0; i < parent_.size(); ++i) {
-      count += parent_[i] == static_cast<int>(i);
-    }
-    return count;
-  }
-
- private:
-  std::vector<int> parent_;
-};
 
 // An edge of a face, to sort by its end points.
 struct FaceEdge {

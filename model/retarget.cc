@@ -13,6 +13,7 @@
 #include "model/input_error.h"
 #include "model/joint_limits.h"
 #include "model/joint_names.h"
+#include "model/smooth_step.h"
 
 namespace sweepfit {
 namespace {
@@ -25,11 +26,6 @@ constexpr double kDegree = std::numbers::pi / 180;
 
 Matrix3d SmallestRotation(const Vector3d& from, const Vector3d& to) {
   return Quaterniond::FromTwoVectors(from, to).toRotationMatrix();
-}
-
-double SmoothStep(double t) {
-  t = std::clamp(t, 0.0, 1.0);
-  return t * t * (3 - 2 * t);
 }
 
 // ------------------------------------------------------------- the source

@@ -6,6 +6,12 @@
 
 namespace sweepfit {
 
+// Rotation of an axis-angle vector (Rodrigues).
+inline Eigen::Matrix3d RotationOf(const Eigen::Vector3d& axis_angle) {
+  return Eigen::AngleAxisd(axis_angle.norm(), axis_angle.normalized())
+      .toRotationMatrix();
+}
+
 // x -> rotation x + translation.
 struct RigidMotion {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();

@@ -5,6 +5,7 @@
 #include <array>
 #include <set>
 
+#include "model/smooth_step.h"
 #include "model/template_sections.h"
 
 namespace sweepfit {
@@ -43,8 +44,7 @@ Weights ByDistance(const TemplateSolid& solid, const Eigen::Vector3d& point) {
   const double width = kBlendByStature * solid.stature();
   Weights weights;
   for (int i = 0; i < 4; ++i) {
-    const double t = std::clamp(1 - (distance[i] - nearest) / width, 0.0, 1.0);
-    weights[i] = t * t * (3 - 2 * t);
+    weights[i] = SmoothStep(1 - (distance[i] - nearest) / width);
   }
   return weights / weights.sum();
 }
@@ -80,9 +80,8 @@ void Smooth(const HalfComplex& half, std::vector<Weights>* weights) {
 // plane, nothing further away or down the thighs, which are close to each
 // other.
 double ShareOfOtherLeg(const Weights& weights, double x, double stature) {
-  const double t =
-      std::clamp(1 - std::abs(x) / (kBothLegsByStature * stature), 0.0, 1.0);
-  return 0.5 * t * t * (3 - 2 * t) * std::min(1.0, 2 * weights[kTrunk]);
+  return 0.5 * SmoothStep(1 - std::abs(x) / (kBothLegsByStature * stature)) *
+         std::min(1.0, 2 * weights[kTrunk]);
 }
 
 std::vector<std::pair<int, double>> Heaviest(const Weights& weights,

@@ -12,6 +12,8 @@
 #include <set>
 #include <utility>
 
+#include "model/smooth_step.h"
+
 namespace sweepfit {
 namespace {
 
@@ -21,11 +23,6 @@ using DistanceFunction = std::function<double(const Vector3d&)>;
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kLeanBehind = 0.4;
-
-double SmoothStep(double x) {
-  const double t = std::clamp(x, 0.0, 1.0);
-  return t * t * (3 - 2 * t);
-}
 
 // Cubic through keys (Catmull-Rom with the keys' own spacing).
 double Interpolate(const std::vector<double>& x,

@@ -10,6 +10,7 @@
 #include <numbers>
 
 #include "model/cross_section.h"
+#include "model/smooth_step.h"
 
 namespace sweepfit {
 namespace {
@@ -119,8 +120,8 @@ double TemplateSolid::ScaleAt(const std::string& part, double level) const {
     scale = value;
     if (i + 1 < level_scale.size()) {
       const auto [next_key, next_value] = level_scale[i + 1];
-      const double t = std::min(1.0, (level - key) / (next_key - key));
-      scale += t * t * (3 - 2 * t) * (next_value - value);
+      scale +=
+          SmoothStep((level - key) / (next_key - key)) * (next_value - value);
     }
   }
   return scale;

@@ -16,6 +16,7 @@
 #include "capture/render.h"
 #include "model/median.h"
 #include "model/mesh.h"
+#include "model/smooth_step.h"
 
 namespace sweepfit {
 namespace {
@@ -98,11 +99,6 @@ Color SampleColor(const cv::Mat_<Pixel>& image,
   return (1 - fy) *
              ((1 - fx) * convert(image(y0, x0)) + fx * convert(image(y0, x1))) +
          fy * ((1 - fx) * convert(image(y1, x0)) + fx * convert(image(y1, x1)));
-}
-
-double SmoothStep(double low, double high, double x) {
-  const double t = std::clamp((x - low) / (high - low), 0.0, 1.0);
-  return t * t * (3 - 2 * t);
 }
 
 template <typename Body>
@@ -425,7 +421,8 @@ bool Observe(const PreparedView& prepared,
 
   const double resolution = camera.FocalLength() / depth;  // pixels per metre
   observation->quality =
-      cosine * cosine * SmoothStep(kMinMargin, kFullMargin, margin);
+      cosine * cosine *
+      SmoothStep((margin - kMinMargin) / (kFullMargin - kMinMargin));
   observation->weight = observation->quality * resolution * resolution;
   observation->pixel = pixel;
   const double scale_x = double(prepared.coarse.cols) / camera.width;

@@ -13,6 +13,7 @@
 #include <set>
 
 #include "model/median.h"
+#include "model/rigid_motion.h"
 #include "volume/silhouette_cones.h"
 
 namespace sweepfit {
@@ -215,12 +216,6 @@ Scene MakeScene(const std::vector<View>& views,
   return scene;
 }
 
-Eigen::Matrix3d Rotation(const Eigen::Vector3d& turn) {
-  const double angle = turn.norm();
-  if (angle == 0) return Eigen::Matrix3d::Identity();
-  return Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
-}
-
 int ViewOf(const Scene& scene, int camera) {
   for (size_t i = 0; i < scene.camera.size(); ++i) {
     if (scene.camera[i] == camera) return static_cast<int>(i);
@@ -233,7 +228,7 @@ int ViewOf(const Scene& scene, int camera) {
 std::vector<double> MissesTurned(const std::vector<Scene>& scenes,
                                  int camera,
                                  const Eigen::Vector3d& turn) {
-  const Eigen::Matrix3d rotation = Rotation(turn);
+  const Eigen::Matrix3d rotation = RotationOf(turn);
   std::vector<double> misses;
   for (const Scene& scene : scenes) {
     const int k = ViewOf(scene, camera);
@@ -278,7 +273,7 @@ double Mean(const std::vector<double>& values) {
 double ShiftOf(const std::vector<Scene>& scenes,
                int camera,
                const Eigen::Vector3d& turn) {
-  const Eigen::Matrix3d rotation = Rotation(turn);
+  const Eigen::Matrix3d rotation = RotationOf(turn);
   double sum = 0;
   int count = 0;
   for (const Scene& scene : scenes) {
@@ -610,32 +605,32 @@ std::vector<Incoherence> FindIncoherence(std::vector<std::vector<View>> poses,
   return found;
 }
 
-    bool is_repaired = false;
 std::vector<bool> RepairIncoherence(const std::vector<Incoherence>& found,
                                     std::vector<std::vector<View>>* poses) {
   std::vector<bool> repaired;
   for (const Incoherence& item : found) {
     const std::string& id = item.camera.camera_id;
+    bool is_repaired = false;
     for (size_t p = 0; p < poses->size(); ++p) {
       std::vector<View>& views = (*poses)[p];
       const bool is_meant = item.pose < 0 || item.pose == static_cast<int>(p);
       if (!is_meant || item.kind == Incoherence::Kind::kShows) continue;
       if (item.kind == Incoherence::Kind::kTurned) {
-        const Eigen::Matrix3d rotation = Rotation(item.camera.turn);
-          is_repaired = true;
+        const Eigen::Matrix3d rotation = RotationOf(item.camera.turn);
         for (View& view : views) {
           if (view.camera.id != id) continue;
           Camera& camera = view.camera;
           camera.camera_from_world = rotation * camera.camera_from_world;
           camera.world_in_camera = rotation * camera.world_in_camera;
-    repaired.push_back(is_repaired);
+          is_repaired = true;
         }
-  return repaired;
       } else if (views.size() > 3) {
         is_repaired |= RemoveView(id, &views);
       }
     }
+    repaired.push_back(is_repaired);
   }
+  return repaired;
 }
 
 std::string Incoherence::Text() const {

@@ -10,6 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "model/disjoint_sets.h"
+
 namespace sweepfit {
 namespace {
 
@@ -75,29 +77,6 @@ class VoxelGraph {
   std::vector<char> inside_;  // whole blocks
 };
 
-// Disjoint sets of numbers; the smallest of a set stands for it.
-class DisjointSets {
- public:
-  explicit DisjointSets(std::int32_t count) : parent_(count) {
-    std::iota(parent_.begin(), parent_.end(), 0);
-  }
-  std::int32_t Find(std::int32_t i) {
-    while (parent_[i] != i) {
-      parent_[i] = parent_[parent_[i]];
-      i = parent_[i];
-    }
-    return i;
-  }
-  void Join(std::int32_t i, std::int32_t j) {
-    i = Find(i);
-    j = Find(j);
-    parent_[std::max(i, j)] = std::min(i, j);
-  }
-
- private:
-  std::vector<std::int32_t> parent_;
-};
-
 // Numbers the connected parts of the inside voxels of one block from 0, in the
 // order of their first voxels; `label` of the others is left. Returns how many.
 std::int32_t LabelBlock(const BlockGrid::Block& block, std::int32_t* label) {
@@ -158,7 +137,7 @@ std::vector<std::int32_t> LabelInside(const VoxelGraph& graph,
         const std::int32_t here = label[b * kSize + o];
         const std::int32_t there =
             label[static_cast<size_t>(next) * kSize + o - (7 << shift)];
-        if (here >= 0 && there >= 0) parts.Join(here, there);
+        if (here >= 0 && there >= 0) parts.Unite(here, there);
       }
     }
   }
