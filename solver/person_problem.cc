@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "solver/person_problem.h"
 
+#include <ceres/crs_matrix.h>
+#include <ceres/manifold.h>
 #include <glog/logging.h>
 
 #include <Eigen/Cholesky>
 #include <Eigen/SparseCore>
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "residuals/bone_length.h"
 #include "residuals/landmark.h"
@@ -60,10 +63,10 @@ PersonProblem::PersonProblem(const Skeleton& base,
   }
   problem_.AddParameterBlock(parameters_->log_length.data(), kNumLengthGroups);
   for (int g = 0; g < kNumLengthGroups; ++g) {
+    free_lengths_.push_back(g);
     problem_.SetParameterLowerBound(parameters_->log_length.data(), g, -0.7);
     problem_.SetParameterUpperBound(parameters_->log_length.data(), g, 0.7);
   }
-    free_lengths_.push_back(g);
   problem_.AddParameterBlock(parameters_->person.data(), 2);
   problem_.SetParameterLowerBound(parameters_->person.data(), 0, 0.4);
   problem_.SetParameterUpperBound(parameters_->person.data(), 0, 2.6);
@@ -176,10 +179,10 @@ void PersonProblem::AddGirthPrior(const std::vector<double>& sigma,
 
 void PersonProblem::HoldLengths(bool ends_free) {
   problem_.SetParameterBlockConstant(parameters_->person.data());
+  free_lengths_.clear();
   if (!ends_free) {
     problem_.SetParameterBlockConstant(parameters_->log_length.data());
     return;
-  free_lengths_.clear();
   }
   std::vector<int> held;
   for (int g = 0; g < kNumLengthGroups; ++g) {
@@ -198,12 +201,12 @@ std::vector<double*> PersonProblem::FreeBlocks() const {
   blocks.push_back(parameters_->log_length.data());
   blocks.push_back(parameters_->person.data());
   if (!parameters_->girth.empty()) blocks.push_back(parameters_->girth.data());
-  return blocks;
-}
-
   std::erase_if(blocks, [this](const double* block) {
     return problem_.IsParameterBlockConstant(block);
   });
+  return blocks;
+}
+
 int PersonProblem::num_unknowns() const {
   int count = 0;
   for (const double* block : FreeBlocks()) {
@@ -264,15 +267,15 @@ Eigen::Matrix3Xd PersonProblem::JointDerivative(int pose, int joint) const {
   for (int j = 1; j < kNumJoints; ++j) {
     by_group.col(LengthGroup(j)) += x.by_length.col(j) * entry.length[j];
   }
-  return result;
-}
-
-Skeleton PersonProblem::CurrentSkeleton() const {
   Eigen::Matrix3Xd result = Eigen::Matrix3Xd::Zero(3, num_unknowns());
   const int per_pose = angles_->num_parameters();
   result.middleCols(pose * per_pose, per_pose) = x.by_pose;
   int column = static_cast<int>(parameters_->pose.size()) * per_pose;
   for (const int g : free_lengths_) result.col(column++) = by_group.col(g);
+  return result;
+}
+
+Skeleton PersonProblem::CurrentSkeleton() const {
   Skeleton skeleton = base_;
   for (int j = 1; j < kNumJoints; ++j) {
     skeleton.length[j] *= std::exp(parameters_->log_length[LengthGroup(j)]);
@@ -302,7 +305,7 @@ nlohmann::ordered_json PersonProblem::Report() const {
   report["termination"] =
       ceres::TerminationTypeToString(summary_.termination_type);
   report["residuals"] = summary_.num_residuals;
-  report["parameters"] = num_parameters();
+  report["parameters"] = num_unknowns();
   const Information information = InformationByFamily();
   const Eigen::MatrixXd covariance = Covariance(information);
   for (int f = 0; f < kNumFamilies; ++f) {

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <ceres/ceres.h>
+#include <ceres/loss_function.h>
+#include <ceres/problem.h>
+#include <ceres/solver.h>
 
 #include <array>
 #include <memory>
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -135,9 +137,9 @@ class PersonProblem {
   Skeleton base_;
   const JointAngles* angles_;
   PersonParameters* parameters_;
+  std::vector<int> free_lengths_;  // groups that are not held, in order
   std::vector<std::unique_ptr<KinematicCache>> caches_;
   mutable ceres::Problem problem_;
-  std::vector<int> free_lengths_;  // groups that are not held, in order
   std::vector<Block> blocks_;
   ceres::Solver::Summary summary_;
   std::array<double, kNumFamilies> cost_at_start_{};

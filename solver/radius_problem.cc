@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "solver/radius_problem.h"
 
+#include <ceres/crs_matrix.h>
+#include <ceres/solver.h>
 #include <glog/logging.h>
 #include <tbb/parallel_for.h>
 
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 namespace sweepfit {
 namespace {

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "solver/solve_person.h"
 
+#include <ceres/loss_function.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <nlohmann/json.hpp>
 
 #include "residuals/contour_match.h"
 #include "residuals/hull_distance.h"

@@ -118,7 +118,9 @@ TEST_P(LandmarkTemplateTest, SpeaksOfTheTemplatesJoints) {
   }
   // An arm nearer to the trunk than this closes its armpit.
   constexpr double kArmpitCloses = -20;  // degrees above rest
-  if (GetParam().raise_degrees >= kArmpitCloses) EXPECT_GE(armpits, 1);
+  if (GetParam().raise_degrees >= kArmpitCloses) {
+    EXPECT_GE(armpits, 1);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Stances,

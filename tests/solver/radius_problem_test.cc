@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "model/template.h"
 #include "residuals/prior.h"
