@@ -6,8 +6,9 @@
 // l        bone length l_base exp(s), metres; s the parameter
 // H        stature, metres (parameter); H0 a fixed value of it, so that a small
 //          person does not buy slack
-// b        sex blend, 0 female .. 1 male (parameter); M, F mean share of
-// stature tau      the template's l / H
+// b        sex blend, 0 female .. 1 male (parameter)
+// M, F     mean share of stature
+// tau      the template's l / H
 #pragma once
 
 #include <ceres/autodiff_cost_function.h>

@@ -159,19 +159,19 @@ CutPlaneSection CutPlane(const Volume& volume,
 }
 
 double RayExit(const Volume& volume,
-               const Eigen::Vector3d& origin,
+               const Eigen::Vector3d& origin_in_world,
                const Eigen::Vector3d& unit_direction,
                double max_distance) {
   // The max of cones may change faster than a distance: shorter steps.
   constexpr double kStepShare = 0.7;
   const double min_step = 0.25 * volume.voxel_size();
   double before = 0;
-  double value_before = volume.Sample(origin);
+  double value_before = volume.Sample(origin_in_world);
   if (value_before >= 0) return 0;
   while (before < max_distance) {
     const double at = std::min(
         max_distance, before + std::max(min_step, -kStepShare * value_before));
-    const double value = volume.Sample(origin + at * unit_direction);
+    const double value = volume.Sample(origin_in_world + at * unit_direction);
     if (value >= 0) {
       return before + (at - before) * value_before / (value_before - value);
     }
