@@ -104,6 +104,8 @@ Eigen::Vector2d Camera::Undistort(const Eigen::Vector2d& pixel) const {
 bool Camera::CanUndistort() const {
   if (!HasDistortion()) return true;
   constexpr double kTolerance = 0.01;  // pixels
+  // Sound calibrations often fold at the very corners, where no board was.
+  constexpr double kInner = 0.85;
   constexpr int kPerSide = 16;
   constexpr int kOnTheWay = 16;
   const double right = width - 1, bottom = height - 1;
@@ -114,8 +116,10 @@ bool Camera::CanUndistort() const {
           Eigen::Vector2d(right, f * bottom),
           Eigen::Vector2d((1 - f) * right, bottom),
           Eigen::Vector2d(0, (1 - f) * bottom)}) {
-      const Eigen::Vector2d pinhole = Undistort(pixel);
-      if (!((Distort(pinhole) - pixel).norm() < kTolerance)) return false;
+      const Eigen::Vector2d inner =
+          kInner * pixel + (1 - kInner) * 0.5 * Eigen::Vector2d(right, bottom);
+      const Eigen::Vector2d pinhole = Undistort(inner);
+      if (!((Distort(pinhole) - inner).norm() < kTolerance)) return false;
       // A point beyond a fold may be distorted to the same pixel.
       const Eigen::Vector2d p = Normalise(K, pinhole);
       for (int step = 1; step <= kOnTheWay; ++step) {

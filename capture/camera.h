@@ -41,8 +41,8 @@ struct Camera {
   Eigen::Vector2d Distort(const Eigen::Vector2d& pinhole_pixel) const;
   // Inverse of Distort by fixed-point/Newton iteration to 1e-9 px.
   Eigen::Vector2d Undistort(const Eigen::Vector2d& pixel) const;
-  // Whether Undistort is that inverse out to the picture's border: coefficients
-  // of another lens, model or size of picture fold the picture over.
+  // Whether Undistort is that inverse in the picture but for its margin:
+  // coefficients of another lens, model or picture size fold it over.
   bool CanUndistort() const;
 };
 

@@ -302,7 +302,7 @@ CaptureCamera ReadCamera(const Reader& reader,
     if (!camera.CanUndistort()) {
       reader.Fail(distortion,
                   where,
-                  "'distortion' cannot be undone out to the picture's border: "
+                  "'distortion' folds the picture over and cannot be undone: "
                   "it must be k1, k2, p1, p2[, k3] in this order, of no "
                   "fisheye lens, and fit K, width and height");
     }

@@ -204,7 +204,7 @@ TEST_F(CaptureTest, RejectsEveryMalformedFile) {
       {"[0.1, -0.02, 0.001, 0.002, 0.01]", "[0.1, 0.2]", "4 or 5 numbers"},
       {"[0.1, -0.02,",
        "[-8, 4,",
-       "camera front: 'distortion' cannot be undone"},
+       "camera front: 'distortion' folds the picture"},
       {"R: [1, 0, 0, 0, 1", "R: [1, 0, 0, 0, -1", "reflection"},
       {"R: [1, 0, 0, 0, 1", "R: [1, 0, 0, 0, 1.1", "no rotation"},
       {"t: [0.1, 0.2, 3]", "t: [0.1, 0.2]", "must have 3 numbers"},
