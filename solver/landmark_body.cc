@@ -536,11 +536,14 @@ void BodyTracer::AddLegs() {
       }
     }
     const Eigen::Vector3d ankle = axis_point + along * axis;
-    result_.landmarks.push_back(
-        MakeLandmark(kAnkle[side], ankle, AlongAcross(axis, sigma, 0.010)));
+    constexpr double kSlackReach = 0.02;  // metres
+    const Eigen::Matrix3d slack =
+        HullSlack(leg.line, s_shank - kSlackReach, s_shank + kSlackReach);
+    result_.landmarks.push_back(MakeLandmark(
+        kAnkle[side], ankle, AlongAcross(axis, sigma, 0.010) + slack));
     // The pictures show the shank where it is narrow; at the joint they show
     // the foot.
-    AddPlace(kAnkle[side], leg.line, s_shank, axis, Eigen::Matrix3d::Zero());
+    AddPlace(kAnkle[side], leg.line, s_shank, axis, slack);
     AddTip(leg.line,
            0.04 * height_,
            0.085 * height_,
@@ -880,6 +883,12 @@ BodyEnds NameExtrema(const std::vector<Extremum>& extrema,
     ends.feet.push_back(rest.front());
     rest.erase(rest.begin());
   }
+  // More ends as low as feet are false: few cameras that look down leave solid
+  // what is between and behind the legs.
+  std::erase_if(rest, [&](const Extremum& end) {
+    return ends.feet.size() == 2 &&
+           end.point_in_world.y() < floor + kMaxFootHeight * body_height;
+  });
   // The highest of the ends that are as thick as a head: a hand that merges
   // with the hip may be thicker than that.
   const auto as_head = [&](const Extremum& end) {

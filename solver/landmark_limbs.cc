@@ -72,12 +72,11 @@ LimbLine TraceLimb(const Volume& volume,
       Smooth(Resample(path_in_world, options.step, options.max_length), sigma);
   for (int pass = 0; pass <= options.iterations; ++pass) {
     const bool last = pass == options.iterations;
-    Polyline centered = line;
+    Polyline centered;
     double s = 0;
+    int kept = -1;
     for (int i = 0; i < static_cast<int>(line.size()); ++i) {
-      if (i > 0) s += (line[i] - line[i - 1]).norm();
       LimbSection section;
-      section.s = s;
       section.point_in_world = line[i];
       section.tangent = Tangent(line, i, reach);
       section.cut =
@@ -85,13 +84,25 @@ LimbLine TraceLimb(const Volume& volume,
       section.free = section.cut.found && !section.cut.touches_border &&
                      section.cut.area <= options.max_area;
       // A way along the skin sees its section leave the square at first.
+      Eigen::Vector3d center = line[i];
       if (section.cut.found && section.cut.area <= options.max_area) {
-        centered[i] = section.cut.centroid_in_world;
+        center = section.cut.centroid_in_world;
       }
+      // Where a section is much wider than the limb, its centre may lie before
+      // the one before: the line would run into a knot.
+      constexpr double kLeastProgress = 0.25;
+      if (!centered.empty() && (center - centered.back()).dot(section.tangent) <
+                                   kLeastProgress * options.step) {
+        continue;
+      }
+      if (kept >= 0) s += (line[i] - line[kept]).norm();
+      kept = i;
       if (last) {
-        if (section.free) section.point_in_world = centered[i];
+        section.s = s;
+        if (section.free) section.point_in_world = center;
         result.push_back(section);
       }
+      centered.push_back(center);
     }
     if (!last) {
       line = Smooth(Resample(centered, options.step, options.max_length),

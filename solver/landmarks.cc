@@ -20,6 +20,8 @@ namespace {
 constexpr double kGraphResolution = 140;
 // Ends that stick out less than this share of the body height are none.
 constexpr double kMinProminence = 0.2;
+// More than a body has: hulls of few cameras have false ends between the legs.
+constexpr int kMaxExtrema = 8;
 
 // Standing upright, the crown's height above the floor, with hair and shoes in
 // the spread; else the limbs' usual shares of the stature.
@@ -166,7 +168,7 @@ LandmarkResult FindLandmarks(const std::vector<View>& views,
     throw FitError("landmarks: there is nothing inside the volume");
   }
   const std::vector<Extremum> extrema =
-      FindExtrema(graph, height, kMinProminence * height, 6);
+      FindExtrema(graph, height, kMinProminence * height, kMaxExtrema);
   const BodyEnds ends = NameExtrema(extrema, height, result.floor_height);
   BodyTrace body = TraceBody(volume,
                              ends,

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "solver/landmark_body.h"
+#include "solver/landmark_limbs.h"
 #include "tests/volume/capsule_person.h"
 
 namespace sweepfit {
@@ -328,6 +329,54 @@ TEST(NameExtremaTest, ARaisedHandIsNoHead) {
   const BodyEnds ends = NameExtrema(extrema, 1.7, 0);
   ASSERT_TRUE(ends.head);
   EXPECT_EQ(ends.head->point_in_world.y(), 1.68);
+}
+
+TEST(NameExtremaTest, WhatIsLeftSolidBetweenTheLegsIsNoHead) {
+  // Four cameras that look down: as thick as a head, and sticks out as far.
+  const std::vector<Extremum> extrema = {End({0.1, 0.02, 0}, 0.04),
+                                         End({-0.1, 0.02, 0}, 0.04),
+                                         End({0.5, 0.9, 0}, 0.02),
+                                         End({-0.5, 0.9, 0}, 0.02),
+                                         End({0, 0.2, 0.2}, 0.09),
+                                         End({0, 0.2, -0.2}, 0.07),
+                                         End({0, 1.68, 0}, 0.062)};
+  const BodyEnds ends = NameExtrema(extrema, 1.7, 0);
+  ASSERT_TRUE(ends.head);
+  EXPECT_EQ(ends.head->point_in_world.y(), 1.68);
+  ASSERT_EQ(ends.hands.size(), 2u);
+  for (const Extremum& hand : ends.hands) {
+    EXPECT_EQ(hand.point_in_world.y(), 0.9);
+  }
+}
+
+// Sections across a shank that is a broad slab to few cameras, traced along a
+// way that wanders in it.
+TEST(TraceLimbTest, TheLineRunsIntoNoKnot) {
+  std::vector<testing::Capsule> slab;
+  for (double z = -0.1; z <= 0.1; z += 0.02) {
+    slab.push_back({{0, 0.1, z}, {0, 0.7, 0.5 * z}, 0.04});
+  }
+  const std::vector<View> views = RenderRing(slab, {0, 0.4, 0}, 8, 300, 0);
+  HullOptions hull;
+  hull.voxel_size = 0.008;
+  const Volume volume = BuildVisualHull(views, hull, nullptr, nullptr);
+  TraceOptions options;
+  options.max_area = 0.03;
+  const LimbLine line = TraceLimb(volume,
+                                  {{0, 0.09, 0.1},
+                                   {0, 0.12, -0.08},
+                                   {0, 0.2, 0.08},
+                                   {0, 0.22, -0.06},
+                                   {0, 0.65, 0}},
+                                  options);
+  ASSERT_GT(line.size(), 20u);
+  for (size_t i = 1; i < line.size(); ++i) {
+    EXPECT_GT(line[i].s, line[i - 1].s);
+    EXPECT_GT((line[i].point_in_world - line[i - 1].point_in_world)
+                  .dot(line[i].tangent),
+              0)
+        << i;
+  }
 }
 
 TEST(LandmarksTest, SameTwice) {
