@@ -19,6 +19,7 @@ struct GlobalOptions {
   // round.
   double sigma_first = 0.012;
   double sigma_last = 0.005;
+  bool retry_limbs = true;  // see RetryLimbs
   std::optional<std::string> Check() const;
 };
 

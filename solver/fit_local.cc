@@ -38,6 +38,9 @@ constexpr double kSoundRimError = 0.015;  // metres
 constexpr double kPhotoReach = 0.035;
 constexpr double kPhotoReachLast = 0.018;
 constexpr double kPhotoStep = 0.85;
+// And the edges of limbs in front of others, metres.
+constexpr double kInnerReach = 0.025;
+constexpr double kInnerReachLast = 0.015;
 
 // The radii of every round but the last take one step: the rims are found anew
 // after it.
@@ -116,12 +119,13 @@ double AddEvidence(const PoseEvidence& evidence,
                    const Body& body,
                    const Pose& pose,
                    const std::vector<RestDerivative>& rest_derivatives,
-                   const std::vector<PhotoPoint>& photo,
+                   const PictureMatches& pictures,
                    RadiusProblem* problem) {
   const PosedBody posed = PoseForFit(body, pose);
   const std::vector<View>& views = *evidence.views;
-  const RimEvidence rims = GatherRimEvidence(
+  RimEvidence rims = GatherRimEvidence(
       posed, body.topology.quads, views, *evidence.contours, kRimReach);
+  rims.AddPairs(pictures.inner);
   std::map<int, RowPoint> points;
   const auto at = [&](int vertex) -> const RowPoint& {
     auto [it, inserted] = points.try_emplace(vertex);
@@ -157,7 +161,7 @@ double AddEvidence(const PoseEvidence& evidence,
              new ceres::TukeyLoss(6),
              problem);
   }
-  for (const PhotoPoint& seen : photo) {
+  for (const PhotoPoint& seen : pictures.photo) {
     const double weight =
         evidence.photo->options().weight * FeatureWeight(body, seen.vertex);
     if (weight <= 0 || at(seen.vertex).blocks.empty()) continue;
@@ -254,15 +258,14 @@ void AddRegularisation(const Body& body,
 }
 
 // `sections` (may be null): how well each is known, which costs.
-nlohmann::ordered_json SolveRadii(
-    const std::vector<PoseEvidence>& evidence,
-    const LocalOptions& options,
-    double sigma_rim,
-    int max_iterations,
-    const JointResult& joints,
-    const std::vector<std::vector<PhotoPoint>>& photo,
-    Body* body,
-    nlohmann::ordered_json* sections) {
+nlohmann::ordered_json SolveRadii(const std::vector<PoseEvidence>& evidence,
+                                  const LocalOptions& options,
+                                  double sigma_rim,
+                                  int max_iterations,
+                                  const JointResult& joints,
+                                  const std::vector<PictureMatches>& pictures,
+                                  Body* body,
+                                  nlohmann::ordered_json* sections) {
   RadiusProblem problem(*body);
   const std::vector<RestDerivative> rest_derivatives = RestByLogRatio(*body);
   double rim_error = 0;
@@ -273,7 +276,7 @@ nlohmann::ordered_json SolveRadii(
                              *body,
                              joints.poses[p].pose,
                              rest_derivatives,
-                             photo[p],
+                             pictures[p],
                              &problem) /
                  static_cast<double>(evidence.size());
   }
@@ -360,12 +363,12 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
     SampleHullRadii(evidence, options.mode == "paper", *joints, body);
   } else {
     nlohmann::ordered_json report, person_report, sections;
-    std::vector<std::vector<PhotoPoint>> photo(evidence.size());
+    std::vector<PictureMatches> pictures(evidence.size());
     bool pose_is_usable = true;
     const auto solve_pose = [&](nlohmann::ordered_json* pose_report) {
       pose_is_usable = SolvePerson(evidence,
                                    {kPoseRimSigma, kRimReach, 3, 3},
-                                   photo,
+                                   pictures,
                                    joint_options,
                                    nullptr,
                                    nullptr,
@@ -378,11 +381,12 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
       // Outlines first: photographs are matched about what nearly fits.
       const bool last = round + 1 == options.rounds;
       if (round == 1 || (last && !first)) {
-        photo = MatchPhotographs(evidence,
+        pictures = MatchPictures(evidence,
                                  *joints,
                                  *body,
-                                 last ? kPhotoReachLast : kPhotoReach,
-                                 kPhotoStep);
+                                 {last ? kPhotoReachLast : kPhotoReach,
+                                  kPhotoStep,
+                                  last ? kInnerReachLast : kInnerReach});
         // What the turn of a limb explains, the radii shall not.
         if (evidence.front().photo != nullptr) {
           solve_pose(last ? &person_report : nullptr);
@@ -393,7 +397,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
                           (first ? 2 : 1) * options.sigma_rim,
                           last ? kMaxIterationsLast : 1,
                           *joints,
-                          photo,
+                          pictures,
                           body,
                           last ? &sections : nullptr);
       if (first) {

@@ -14,6 +14,7 @@
 #include "model/input_error.h"
 #include "model/template.h"
 #include "model/template_import.h"
+#include "solver/limb_retry.h"
 
 namespace sweepfit {
 namespace {
@@ -145,6 +146,7 @@ FitResult FitTemplate(
   };
   const double stature = BestStature(landmarks);
   result.body = StartBody(imported, stature);
+  const Body template_body = result.body;
   JointResult joints;
   run_stage("joints", [&](StageSummary* summary) {
     joints = EstimateJoints(
@@ -168,22 +170,49 @@ FitResult FitTemplate(
       photo.emplace_back(pose.seen->views, *pose.seen->volume, options.photo);
     }
   }
+  std::vector<std::vector<InnerContour>> inner;
+  if (options.inner_contours.enabled && until >= FindFitStage("local")) {
+    for (const PoseResult& pose : result.poses) {
+      auto& of_pose = inner.emplace_back();
+      for (const View& view : pose.seen->views) {
+        of_pose.emplace_back(view, options.inner_contours);
+      }
+    }
+  }
   std::vector<PoseEvidence> evidence;
   for (size_t p = 0; p < result.poses.size(); ++p) {
     const PoseResult& pose = result.poses[p];
     evidence.push_back({&pose.seen->views,
                         &contours[p],
                         &*pose.seen->volume,
-                        &pose.seen->landmarks,
-                        photo.empty() ? nullptr : &photo[p]});
+                        &landmarks[p],
+                        photo.empty() ? nullptr : &photo[p],
+                        inner.empty() ? nullptr : &inner[p]});
   }
   run_stage("global", [&](StageSummary* summary) {
+    GlobalFit fit{result.body, joints, *summary};
     FitGlobal(evidence,
               options.global,
               options.joints,
-              &result.body,
-              &joints,
-              summary);
+              &fit.body,
+              &fit.joints,
+              &fit.summary);
+    if (options.global.retry_limbs && fit.summary.status == "ok") {
+      RetryLimbs(evidence,
+                 options.global,
+                 options.joints,
+                 template_body,
+                 stature,
+                 joints,
+                 &landmarks,
+                 &fit);
+    }
+    result.body = std::move(fit.body);
+    joints = std::move(fit.joints);
+    *summary = std::move(fit.summary);
+    for (const std::string& warning : summary->warnings) {
+      if (progress != nullptr) progress->Warning("global: " + warning);
+    }
   });
   const std::vector<Eigen::Vector3d> reference_rest = RestVertices(result.body);
   if (until >= FindFitStage("local")) {
@@ -276,6 +305,7 @@ std::optional<std::string> FitOptions::Check() const {
                             global.Check(),
                             local.Check(),
                             photo.Check(),
+                            inner_contours.Check(),
                             refine.Check(),
                             texture.Check(),
                             exported.Check()}) {

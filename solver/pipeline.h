@@ -71,6 +71,7 @@ struct FitOptions {
   GlobalOptions global;
   LocalOptions local;
   PhotoEvidenceOptions photo;
+  InnerContourOptions inner_contours;
   RefineOptions refine;
   TextureOptions texture;
   ExportOptions exported;

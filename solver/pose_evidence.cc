@@ -3,21 +3,25 @@
 
 namespace sweepfit {
 
-std::vector<std::vector<PhotoPoint>> MatchPhotographs(
+std::vector<PictureMatches> MatchPictures(
     const std::vector<PoseEvidence>& evidence,
     const JointResult& joints,
     const Body& body,
-    double reach,
-    double step_pixels) {
-  std::vector<std::vector<PhotoPoint>> points(evidence.size());
+    const MatchReach& reach) {
+  std::vector<PictureMatches> matches(evidence.size());
   for (size_t p = 0; p < evidence.size(); ++p) {
-    if (evidence[p].photo == nullptr) continue;
-    points[p] = evidence[p].photo->Match(PoseForFit(body, joints.poses[p].pose),
-                                         body.topology.quads,
-                                         reach,
-                                         step_pixels);
+    if (evidence[p].photo == nullptr && evidence[p].inner == nullptr) continue;
+    const PosedBody posed = PoseForFit(body, joints.poses[p].pose);
+    if (evidence[p].photo != nullptr) {
+      matches[p].photo = evidence[p].photo->Match(
+          posed, body.topology.quads, reach.photo, reach.photo_step_pixels);
+    }
+    if (evidence[p].inner != nullptr) {
+      matches[p].inner = MatchInnerContours(
+          *evidence[p].inner, posed, body.topology, reach.inner);
+    }
   }
-  return points;
+  return matches;
 }
 
 StandingBody Stand(const std::vector<PoseEvidence>& evidence,

@@ -5,6 +5,7 @@
 
 #include "capture/silhouette.h"
 #include "model/body.h"
+#include "solver/inner_contour.h"
 #include "solver/joints.h"
 #include "solver/photo_evidence.h"
 #include "solver/rim_evidence.h"
@@ -19,16 +20,27 @@ struct PoseEvidence {
   const Volume* volume;
   const LandmarkResult* landmarks;
   const PhotoEvidence* photo = nullptr;  // none: outlines and hull only
+  // One per view; null: what is inside the outlines does not count.
+  const std::vector<InnerContour>* inner = nullptr;
 };
 
-// Photographs matched within `reach` metres of the body in every pose, in steps
-// of `step_pixels`; empty for poses without photographs.
-std::vector<std::vector<PhotoPoint>> MatchPhotographs(
+// What the pictures of one pose show inside the outlines.
+struct PictureMatches {
+  std::vector<PhotoPoint> photo;
+  std::vector<ContourPair> inner;
+};
+// How far about the body that is looked for.
+struct MatchReach {
+  double photo;              // metres
+  double photo_step_pixels;  // in such steps
+  double inner;              // metres
+};
+// Per pose; empty where there is nothing to match.
+std::vector<PictureMatches> MatchPictures(
     const std::vector<PoseEvidence>& evidence,
     const JointResult& joints,
     const Body& body,
-    double reach,
-    double step_pixels);
+    const MatchReach& reach);
 
 // The body as it stands in every pose, its rims, and the mean distance of its
 // outline from the silhouettes over all poses, metres.

@@ -30,6 +30,7 @@ constexpr double kRimReach = 15;  // pixels
 // so many pixels.
 constexpr double kPhotoReach = 0.008;
 constexpr double kPhotoStep = 0.5;
+constexpr double kInnerReach = 0.010;
 
 bool IsDetail(BodyPart part) {
   return part == BodyPart::kLHand || part == BodyPart::kRHand ||
@@ -128,12 +129,13 @@ Eigen::SparseMatrix<double> SmoothnessMatrix(const Body& body,
 }
 
 void AddTargets(const PoseEvidence& evidence,
-                const RimEvidence& rims,
-                const std::vector<PhotoPoint>& photo,
+                RimEvidence rims,
+                const PictureMatches& pictures,
                 const PosedBody& posed,
                 double sigma_rim,
                 OffsetSystem* system) {
   const std::vector<View>& views = *evidence.views;
+  rims.AddPairs(pictures.inner);
   const auto add = [&](int vertex, double target, double weight, double sigma) {
     if (std::abs(target) > kReach) return;
     // Huber weights at two standard deviations.
@@ -158,7 +160,7 @@ void AddTargets(const PoseEvidence& evidence,
         pair.weight,
         sigma_rim);
   }
-  for (const PhotoPoint& point : photo) {
+  for (const PhotoPoint& point : pictures.photo) {
     const int v = point.vertex;
     const double target =
         point.unit_normal.dot(point.point_in_world - posed.mesh.vertices[v]);
@@ -229,17 +231,19 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
 
   StandingBody standing = Stand(evidence, joints, *body, kRimReach);
   summary->figures["rim_error_start_mm"] = 1000 * standing.rim_error;
-  const auto photo =
-      MatchPhotographs(evidence, joints, *body, kPhotoReach, kPhotoStep);
+  const std::vector<PictureMatches> pictures = MatchPictures(
+      evidence, joints, *body, {kPhotoReach, kPhotoStep, kInnerReach});
   size_t num_photo_points = 0;
-  for (const auto& points : photo) num_photo_points += points.size();
+  for (const auto& of_pose : pictures) {
+    num_photo_points += of_pose.photo.size();
+  }
   int rounds = 0;
   for (; rounds < options.rounds; ++rounds) {
     OffsetSystem system(n);
     for (size_t p = 0; p < evidence.size(); ++p) {
       AddTargets(evidence[p],
                  standing.rims[p],
-                 photo[p],
+                 pictures[p],
                  standing.posed[p],
                  options.sigma_rim,
                  &system);

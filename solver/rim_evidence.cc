@@ -68,32 +68,6 @@ Outline DrawOutline(const Camera& scaled, const TriangleMesh& mesh) {
   return outline;
 }
 
-// Vertices where the surface turns away from the camera: the better end of
-// every edge whose ends face differently.
-std::vector<int> ContourGenerator(const PosedBody& body,
-                                  const std::vector<Quad>& quads,
-                                  const Vector3d& camera_in_world) {
-  const size_t n = body.mesh.vertices.size();
-  std::vector<double> facing(n);
-  for (size_t i = 0; i < n; ++i) {
-    facing[i] = body.normals[i].dot(
-        (camera_in_world - body.mesh.vertices[i]).normalized());
-  }
-  std::vector<bool> on_rim(n, false);
-  for (const Quad& quad : quads) {
-    for (int k = 0; k < 4; ++k) {
-      const int a = quad[k], b = quad[(k + 1) % 4];
-      if ((facing[a] < 0) == (facing[b] < 0)) continue;
-      on_rim[std::abs(facing[a]) <= std::abs(facing[b]) ? a : b] = true;
-    }
-  }
-  std::vector<int> rim;
-  for (size_t i = 0; i < n; ++i) {
-    if (on_rim[i]) rim.push_back(static_cast<int>(i));
-  }
-  return rim;
-}
-
 std::vector<RimPoint> FindRim(const PosedBody& body,
                               const std::vector<Quad>& quads,
                               const View& view,
@@ -234,6 +208,30 @@ ObservedContour ObserveContour(const View& view, double spacing) {
     }
   }
   return observed;
+}
+
+std::vector<int> ContourGenerator(const PosedBody& body,
+                                  const std::vector<Quad>& quads,
+                                  const Vector3d& camera_in_world) {
+  const size_t n = body.mesh.vertices.size();
+  std::vector<double> facing(n);
+  for (size_t i = 0; i < n; ++i) {
+    facing[i] = body.normals[i].dot(
+        (camera_in_world - body.mesh.vertices[i]).normalized());
+  }
+  std::vector<bool> on_rim(n, false);
+  for (const Quad& quad : quads) {
+    for (int k = 0; k < 4; ++k) {
+      const int a = quad[k], b = quad[(k + 1) % 4];
+      if ((facing[a] < 0) == (facing[b] < 0)) continue;
+      on_rim[std::abs(facing[a]) <= std::abs(facing[b]) ? a : b] = true;
+    }
+  }
+  std::vector<int> rim;
+  for (size_t i = 0; i < n; ++i) {
+    if (on_rim[i]) rim.push_back(static_cast<int>(i));
+  }
+  return rim;
 }
 
 RimEvidence GatherRimEvidence(const PosedBody& body,

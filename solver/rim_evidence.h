@@ -52,10 +52,20 @@ struct ContourPair {
 // outvote every prior.
 inline constexpr double kContourCorrelationPixels = 15;
 
+// Vertices where the surface turns away from the camera: the better end of
+// every edge whose ends face differently.
+std::vector<int> ContourGenerator(const PosedBody& body,
+                                  const std::vector<Quad>& quads,
+                                  const Eigen::Vector3d& camera_in_world);
+
 struct RimEvidence {
   std::vector<RimPoint> rim;         // model -> image
   std::vector<ContourPair> contour;  // image -> model
   int num_unexplained = 0;           // contour points without a partner
+
+  void AddPairs(const std::vector<ContourPair>& pairs) {
+    contour.insert(contour.end(), pairs.begin(), pairs.end());
+  }
 };
 
 // Finds the rim of the posed body in every view (contour generator on the

@@ -24,7 +24,7 @@ constexpr int kHullStride = 13;
 void AddSurface(const PoseEvidence& evidence,
                 int pose,
                 const OutlineFit& outline,
-                const std::vector<PhotoPoint>* photo,
+                const PictureMatches* pictures,
                 const JointOptions::Weights& weights,
                 const Body& body,
                 const JointEstimate& estimate,
@@ -34,11 +34,12 @@ void AddSurface(const PoseEvidence& evidence,
                 PersonProblem* problem) {
   const PosedBody posed = PoseForFit(body, estimate.pose);
   const std::vector<View>& views = *evidence.views;
-  const RimEvidence rims = GatherRimEvidence(posed,
-                                             body.topology.quads,
-                                             views,
-                                             *evidence.contours,
-                                             outline.max_distance);
+  RimEvidence rims = GatherRimEvidence(posed,
+                                       body.topology.quads,
+                                       views,
+                                       *evidence.contours,
+                                       outline.max_distance);
+  if (pictures != nullptr) rims.AddPairs(pictures->inner);
   std::map<int, std::shared_ptr<const ShapedPoint>> carried;
   const auto carry = [&](int vertex) {
     auto& point = carried[vertex];
@@ -82,9 +83,9 @@ void AddSurface(const PoseEvidence& evidence,
                       weights.silhouette * std::min(1.0, stride * pair.weight),
                       new ceres::TukeyLoss(6));
   }
-  if (photo != nullptr) {
-    for (size_t i = 0; i < photo->size(); i += stride) {
-      const PhotoPoint& seen = (*photo)[i];
+  if (pictures != nullptr) {
+    for (size_t i = 0; i < pictures->photo.size(); i += stride) {
+      const PhotoPoint& seen = pictures->photo[i];
       problem->AddPoint(
           Family::kPhoto,
           pose,
@@ -114,7 +115,7 @@ void AddSurface(const PoseEvidence& evidence,
 
 bool SolvePerson(const std::vector<PoseEvidence>& evidence,
                  const OutlineFit& outline,
-                 const std::vector<std::vector<PhotoPoint>>& photo,
+                 const std::vector<PictureMatches>& pictures,
                  const JointOptions& options,
                  const GirthBasis* basis,
                  std::vector<double>* girth,
@@ -150,7 +151,7 @@ bool SolvePerson(const std::vector<PoseEvidence>& evidence,
     AddSurface(evidence[p],
                static_cast<int>(p),
                outline,
-               photo.empty() ? nullptr : &photo[p],
+               pictures.empty() ? nullptr : &pictures[p],
                weights,
                *body,
                joints->poses[p],

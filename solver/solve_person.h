@@ -26,7 +26,7 @@ struct OutlineFit {
 // when no usable solution was found. `report` may be null; filling it costs.
 bool SolvePerson(const std::vector<PoseEvidence>& evidence,
                  const OutlineFit& outline,
-                 const std::vector<std::vector<PhotoPoint>>& photo,
+                 const std::vector<PictureMatches>& pictures,
                  const JointOptions& options,
                  const GirthBasis* basis,
                  std::vector<double>* girth,

@@ -41,7 +41,7 @@ class FrontAndBack : public ::testing::Test {
   }
 
   // How far the root is off in depth after a solve that starts 20 mm off.
-  double DepthError(const std::vector<std::vector<PhotoPoint>>& photo,
+  double DepthError(const std::vector<PictureMatches>& pictures,
                     double weight) {
     Body body = body_;
     JointResult joints;
@@ -62,7 +62,7 @@ class FrontAndBack : public ::testing::Test {
     EXPECT_TRUE(SolvePerson(
         {{&views_, &contours_, hull_.get(), &landmarks_, photo_.get()}},
         {0.004, 20, 10, 3},
-        photo,
+        pictures,
         options,
         nullptr,
         nullptr,
@@ -87,10 +87,11 @@ class FrontAndBack : public ::testing::Test {
 // nearer to one of the cameras; the matched surface does.
 TEST_F(FrontAndBack, PhotographsTellTheDepth) {
   const double without = DepthError({}, JointOptions::Weights().photo);
-  const double with = DepthError({points_}, JointOptions::Weights().photo);
+  const double with =
+      DepthError({{points_, {}}}, JointOptions::Weights().photo);
   EXPECT_LT(with, 0.003);
   EXPECT_LT(with, 0.5 * without);
-  EXPECT_DOUBLE_EQ(DepthError({points_}, 0), without);
+  EXPECT_DOUBLE_EQ(DepthError({{points_, {}}}, 0), without);
 }
 
 }  // namespace
