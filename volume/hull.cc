@@ -222,9 +222,9 @@ void HullBuilder::AddEvaluated(const Cell& cell,
 }
 
 // Keeps the connected part with most cells that more than half of the views
-// vouch for, as compared with the cell that most do. Where only few cameras
-// look, as just before another camera, silhouettes leave phantoms that may be
-// large; the person is where many look.
+// vouch for, as compared with the cell that most do, and some that nearly as
+// many do. Where only few cameras look, as just before another camera,
+// silhouettes leave phantoms that may be large; the person is where many look.
 std::vector<Cell> KeepBestSeen(std::vector<Cell> cells) {
   // A place as one number; CoarseCells keeps coordinates small enough.
   const auto key = [](const Eigen::Vector3i& first) {
@@ -252,12 +252,15 @@ std::vector<Cell> KeepBestSeen(std::vector<Cell> cells) {
   for (size_t seed = 0; seed < cells.size(); ++seed) {
     if (part[seed] >= 0) continue;
     std::int64_t count = 0;
+    int most_in_part = 0;
     part[seed] = num_parts;
     stack.push_back(static_cast<int>(seed));
     while (!stack.empty()) {
       const Cell& cell = cells[stack.back()];
       stack.pop_back();
-      if (2 * (cell.num_inside + cell.num_hopeful) > most_views) ++count;
+      const int views = cell.num_inside + cell.num_hopeful;
+      most_in_part = std::max(most_in_part, views);
+      if (2 * views > most_views) ++count;
       for (int n = 0; n < 27; ++n) {
         const Eigen::Vector3i next =
             cell.first +
@@ -268,7 +271,8 @@ std::vector<Cell> KeepBestSeen(std::vector<Cell> cells) {
         stack.push_back(found->second);
       }
     }
-    if (count > best_count) {
+    const bool nearly_all = 5 * most_in_part >= 4 * most_views;
+    if (nearly_all && count > best_count) {
       best_count = count;
       best_part = num_parts;
     }

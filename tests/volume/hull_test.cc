@@ -116,6 +116,23 @@ TEST(HullTest, KeepsTheLargestPart) {
   EXPECT_EQ(summary.status, "weak");
 }
 
+// Two of three silhouettes meet in a larger place than the person is.
+TEST(HullTest, ThreeCamerasFindThePerson) {
+  const testing::CapsulePerson person = MakePerson(0.8, 0.2, {0, 0, 0});
+  std::vector<View> views;
+  for (const Eigen::Vector3d& center : {Eigen::Vector3d(-0.07, 1.9, 3.33),
+                                        Eigen::Vector3d(3.08, 0.69, -1.13),
+                                        Eigen::Vector3d(-2.99, 0.73, -1.23)}) {
+    views.push_back(RenderCapsules(
+        testing::LookAt("camera", center, {0, 0.85, 0}, 1.25 * kSize, kSize),
+        person.capsules));
+  }
+  const Volume volume = Hull(views);
+  for (const int joint : {kRoot, kHead, kLKnee, kRKnee, kLElbow, kRElbow}) {
+    EXPECT_LT(volume.Sample(person.joint[joint]), 0) << joint;
+  }
+}
+
 TEST(HullTest, CameraAbstainsOutsideItsFrame) {
   const Capsule body{{0, 0.2, 0}, {0, 1.5, 0}, 0.2};
   std::vector<View> views = RenderRing({body}, {0, 0.85, 0}, 8, kSize);
