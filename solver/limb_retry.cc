@@ -6,6 +6,7 @@
 #include <cmath>
 #include <string>
 #include <utility>
+#include <vector>
 
 namespace sweepfit {
 namespace {
@@ -14,8 +15,10 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double kRimReach = 20;  // pixels
-// This share of the outlines may find no rim of the body: folds and hair.
-constexpr double kMostUnexplained = 0.015;
+// Shares of the outlines that find no rim of the body: more than folds, hair
+// and skirts make, and as little as they may.
+constexpr double kWrong = 0.04;
+constexpr double kFine = 0.015;
 // What an outline without a rim costs against one that is so far off, metres.
 constexpr double kUnexplainedError = 0.03;
 // The cost must fall to this share of what it was.
@@ -26,18 +29,18 @@ constexpr double kMirrorSigma = 0.08;
 struct Limb {
   const char* name;
   std::array<BodyPart, 2> parts;
-  std::array<int, 3> joints;  // middle, end, tip
-  std::array<int, 3> mirrored;
+  std::vector<int> joints;
+  std::vector<int> mirrored;
 };
-constexpr std::array<Limb, 4> kLimbs = {{
+const std::array<Limb, 4> kLimbs = {{
     {"l_arm",
      {BodyPart::kLArm, BodyPart::kLHand},
-     {kLElbow, kLWrist, kLHandEnd},
-     {kRElbow, kRWrist, kRHandEnd}},
+     {kLShoulder, kLElbow, kLWrist, kLHandEnd},
+     {kRShoulder, kRElbow, kRWrist, kRHandEnd}},
     {"r_arm",
      {BodyPart::kRArm, BodyPart::kRHand},
-     {kRElbow, kRWrist, kRHandEnd},
-     {kLElbow, kLWrist, kLHandEnd}},
+     {kRShoulder, kRElbow, kRWrist, kRHandEnd},
+     {kLShoulder, kLElbow, kLWrist, kLHandEnd}},
     {"l_leg",
      {BodyPart::kLLeg, BodyPart::kLFoot},
      {kLKnee, kLAnkle, kLFootEnd},
@@ -78,14 +81,13 @@ double LimbError(const Limb& limb,
 }
 
 // The landmarks with the limb's replaced by the mirror image of the other
-// limb's joints, in the plane between left and right of the trunk.
+// limb's joints, in the plane between left and right of the pelvis.
 LandmarkResult WithMirroredLimb(const LandmarkResult& landmarks,
                                 const Limb& limb,
                                 const JointFrames& frames) {
   const auto at = [&](int joint) { return frames.joint_in_world[joint]; };
   const Vector3d middle = 0.5 * (at(kLHip) + at(kRHip));
-  const Vector3d left =
-      (at(kLHip) - at(kRHip) + at(kLShoulder) - at(kRShoulder)).normalized();
+  const Vector3d left = (at(kLHip) - at(kRHip)).normalized();
   LandmarkResult result = landmarks;
   std::erase_if(result.landmarks, [&](const Landmark3& landmark) {
     return landmark.source != "keypoint" &&
@@ -105,6 +107,15 @@ LandmarkResult WithMirroredLimb(const LandmarkResult& landmarks,
   return result;
 }
 
+// A fit with other landmarks.
+struct Trial {
+  LandmarkResult landmarks;  // of the pose they were changed in
+  JointResult start;         // joints as estimated from them
+  GlobalFit fit;
+  StandingBody standing;
+  double cost = 0;
+};
+
 }  // namespace
 
 void RetryLimbs(const std::vector<PoseEvidence>& evidence,
@@ -117,7 +128,35 @@ void RetryLimbs(const std::vector<PoseEvidence>& evidence,
                 GlobalFit* fit) {
   StandingBody standing = Stand(evidence, fit->joints, fit->body, kRimReach);
   double cost = OutlineCost(standing);
+  // `evidence` points to the landmarks: they are changed for as long as it
+  // takes.
+  const auto run = [&](size_t pose, LandmarkResult changed) {
+    Trial trial;
+    trial.landmarks = std::move(changed);
+    std::swap((*landmarks)[pose], trial.landmarks);
+    trial.fit.summary.stage = fit->summary.stage;
+    trial.fit.body = template_body;
+    trial.start = EstimateJoints(*landmarks,
+                                 template_body.skeleton,
+                                 stature,
+                                 joint_options,
+                                 &trial.fit.summary);
+    trial.fit.joints = trial.start;
+    SetBoneLengths(trial.start.skeleton.length, &trial.fit.body);
+    FitGlobal(evidence,
+              options,
+              joint_options,
+              &trial.fit.body,
+              &trial.fit.joints,
+              &trial.fit.summary);
+    std::swap((*landmarks)[pose], trial.landmarks);
+    trial.standing =
+        Stand(evidence, trial.fit.joints, trial.fit.body, kRimReach);
+    trial.cost = OutlineCost(trial.standing);
+    return trial;
+  };
   for (size_t p = 0; p < evidence.size(); ++p) {
+    if (UnexplainedShare(standing.rims[p]) <= kWrong) continue;
     std::vector<std::pair<double, const Limb*>> worst_first;
     for (const Limb& limb : kLimbs) {
       worst_first.emplace_back(
@@ -129,41 +168,28 @@ void RetryLimbs(const std::vector<PoseEvidence>& evidence,
         worst_first.end(),
         [](const auto& a, const auto& b) { return a.first > b.first; });
     for (const auto& [error, limb] : worst_first) {
-      if (UnexplainedShare(standing.rims[p]) <= kMostUnexplained) break;
-      const LandmarkResult before = std::exchange(
-          (*landmarks)[p],
-          WithMirroredLimb((*landmarks)[p], *limb, start.poses[p].frames));
-      GlobalFit trial;
-      trial.summary.stage = fit->summary.stage;
-      trial.body = template_body;
-      trial.joints = EstimateJoints(*landmarks,
-                                    template_body.skeleton,
-                                    stature,
-                                    joint_options,
-                                    &trial.summary);
-      JointResult trial_start = trial.joints;
-      SetBoneLengths(trial.joints.skeleton.length, &trial.body);
-      FitGlobal(evidence,
-                options,
-                joint_options,
-                &trial.body,
-                &trial.joints,
-                &trial.summary);
-      StandingBody moved = Stand(evidence, trial.joints, trial.body, kRimReach);
-      const double trial_cost = OutlineCost(moved);
-      if (trial.summary.status != "ok" || trial_cost > kClearlyBetter * cost) {
-        (*landmarks)[p] = before;
-        continue;
+      if (UnexplainedShare(standing.rims[p]) <= kFine) break;
+      // The fit knows the pelvis better, the landmarks may know the other limb
+      // better.
+      for (const JointFrames& frames :
+           {fit->joints.poses[p].frames, start.poses[p].frames}) {
+        Trial trial = run(p, WithMirroredLimb((*landmarks)[p], *limb, frames));
+        if (trial.fit.summary.status != "ok" ||
+            trial.cost > kClearlyBetter * cost) {
+          continue;
+        }
+        (*landmarks)[p] = std::move(trial.landmarks);
+        trial.fit.summary.status = "weak";
+        trial.fit.summary.warnings = std::move(fit->summary.warnings);
+        trial.fit.summary.warnings.push_back(
+            std::string(limb->name) +
+            ": its landmarks leave outlines unexplained and are left out");
+        *fit = std::move(trial.fit);
+        start = std::move(trial.start);
+        standing = std::move(trial.standing);
+        cost = trial.cost;
+        break;
       }
-      trial.summary.status = "weak";
-      trial.summary.warnings = std::move(fit->summary.warnings);
-      trial.summary.warnings.push_back(
-          std::string(limb->name) +
-          ": its landmarks leave outlines unexplained and are left out");
-      *fit = std::move(trial);
-      start = std::move(trial_start);
-      standing = std::move(moved);
-      cost = trial_cost;
     }
   }
 }
