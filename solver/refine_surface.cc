@@ -233,9 +233,10 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
   summary->figures["rim_error_start_mm"] = 1000 * standing.rim_error;
   const std::vector<PictureMatches> pictures = MatchPictures(
       evidence, joints, *body, {kPhotoReach, kPhotoStep, kInnerReach});
-  size_t num_photo_points = 0;
+  size_t num_photo_points = 0, num_inner_points = 0;
   for (const auto& of_pose : pictures) {
     num_photo_points += of_pose.photo.size();
+    num_inner_points += of_pose.inner.size();
   }
   int rounds = 0;
   for (; rounds < options.rounds; ++rounds) {
@@ -262,6 +263,7 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
   }
   summary->figures["rounds"] = rounds;
   summary->figures["photo_points"] = num_photo_points;
+  summary->figures["inner_contour_points"] = num_inner_points;
   summary->figures["rim_error_end_mm"] = 1000 * standing.rim_error;
   summary->figures["largest_displacement_mm"] = 1000 * largest;
   relax();
