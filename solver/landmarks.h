@@ -32,7 +32,8 @@ struct Landmark3 {
   Eigen::Vector3d point_in_world;
   Eigen::Matrix3d covariance;  // square metres
   int num_views = 0;           // pictures that agree
-  // What decided: "contour" (pictures), "volume", "both", or "keypoint".
+  // What decided: "contour" (pictures), "volume", "both", "keypoint", or
+  // "mirror" (the other side, see RetryLimbs).
   std::string source;
 };
 
