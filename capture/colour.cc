@@ -45,6 +45,14 @@ cv::Mat3f Smooth(const cv::Mat3f& linear) {
   return smooth;
 }
 
+cv::Mat3f PictureToLab(const cv::Mat3b& picture) {
+  cv::Mat3f bgr;
+  picture.convertTo(bgr, CV_32F, 1.0 / 255);
+  cv::Mat3f lab;
+  cv::cvtColor(bgr, lab, cv::COLOR_BGR2Lab);
+  return lab;
+}
+
 cv::Mat3f ToLab(const cv::Mat3f& linear) {
   cv::Mat3f lab;
   cv::cvtColor(linear, lab, cv::COLOR_LBGR2Lab);

@@ -22,6 +22,9 @@ inline cv::Mat3f ToSmoothLab(const cv::Mat3f& linear) {
   return ToLab(Smooth(linear));
 }
 
+// CIELAB of a picture in sRGB.
+cv::Mat3f PictureToLab(const cv::Mat3b& picture);
+
 // The colour by which linear light changes from `from` to `to` when only the
 // light on a surface changes: L + 16, a and b scale alike. Returns that factor
 // and what is left, L, a, b units.

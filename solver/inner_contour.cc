@@ -10,8 +10,9 @@
 #include <optional>
 #include <utility>
 
+#include "capture/colour.h"
 #include "model/median.h"
-#include "residuals/measurement.h"
+#include "volume/sub_step.h"
 #include "volume/surface_labels.h"
 
 namespace sweepfit {
@@ -111,9 +112,7 @@ std::optional<double> ClearEdge(const float* belief,
       middle < before || middle < after) {
     return std::nullopt;
   }
-  const double bend = before - 2.0 * middle + after;
-  if (!(bend < -1e-6)) return best;
-  return best + std::clamp(0.5 * (before - after) / bend, -0.5, 0.5);
+  return best + SubStep(before, middle, after);
 }
 
 }  // namespace
@@ -136,35 +135,29 @@ InnerContour::InnerContour(const View& view, const InnerContourOptions& options)
     box_ = {};
     return;
   }
-  cv::Mat3f bgr;
-  view.image(box_).convertTo(bgr, CV_32F, 1.0 / 255);
-  cv::cvtColor(bgr, color_, cv::COLOR_BGR2Lab);
+  color_ = PictureToLab(view.image(box_));
 }
 
 double InnerContour::Outside(const Vector2d& pixel) const {
   return SampleBilinear(view_->signed_distance, pixel).value;
 }
 
-std::vector<InnerContour::Candidate> InnerContour::FindCandidates(
-    const PosedBody& body,
-    const BodyTopology& topology,
-    const RayScene& scene) const {
+std::vector<RimPoint> InnerContour::FindCandidates(const PosedBody& body,
+                                                   const BodyTopology& topology,
+                                                   const RayScene& scene,
+                                                   int view_index) const {
   const Camera& camera = view_->camera;
   const Vector3d center = camera.CenterInWorld();
-  std::vector<Candidate> candidates;
+  std::vector<RimPoint> candidates;
   for (const int v : ContourGenerator(body, topology.quads, center)) {
     const Vector3d& x = body.mesh.vertices[v];
-    const auto projection = ProjectWithDerivative(camera, x);
-    if (!projection || Outside(projection->pixel) > -kOutlineMargin) continue;
-    const Vector2d normal =
-        (camera.camera_from_world * body.normals[v]).head<2>();
-    if (normal.norm() < 0.3) continue;
+    const auto point = SeeRim(body, v, *view_, view_index);
+    if (!point || Outside(point->pixel) > -kOutlineMargin) continue;
     constexpr double kTolerance = 0.002;  // metres
     if (!scene.IsVisible(x + kLift * body.normals[v], center, kTolerance)) {
       continue;
     }
-    const double beyond =
-        kLift + kBeyond * projection->depth / camera.FocalLength();
+    const double beyond = kLift + kBeyond * point->depth / camera.FocalLength();
     const RayScene::Hit hit = scene.Intersect(
         center, (x + beyond * body.normals[v] - center).normalized());
     if (hit.triangle < 0 || hit.distance < (x - center).norm() + kLeastGap) {
@@ -172,13 +165,12 @@ std::vector<InnerContour::Candidate> InnerContour::FindCandidates(
     }
     const int behind = body.mesh.triangles[hit.triangle][0];
     if (topology.part[behind] == topology.part[v]) continue;
-    candidates.push_back(
-        {v, projection->pixel, normal.normalized(), projection->depth});
+    candidates.push_back(*point);
   }
   return candidates;
 }
 
-std::vector<float> InnerContour::EdgeStrength(const Candidate& candidate,
+std::vector<float> InnerContour::EdgeStrength(const RimPoint& candidate,
                                               int half) const {
   const Camera& camera = view_->camera;
   const Vector2d& normal = candidate.normal;
@@ -226,14 +218,14 @@ std::vector<ContourPair> InnerContour::Match(const PosedBody& body,
                                              int view_index,
                                              double reach) const {
   if (box_.empty()) return {};
-  const std::vector<Candidate> candidates =
-      FindCandidates(body, topology, scene);
+  const std::vector<RimPoint> candidates =
+      FindCandidates(body, topology, scene, view_index);
   if (candidates.empty()) return {};
   const int n = static_cast<int>(candidates.size());
 
   // Places along the normals are the labels of a graph of vertices.
   double pixels_per_metre = 0;
-  for (const Candidate& candidate : candidates) {
+  for (const RimPoint& candidate : candidates) {
     pixels_per_metre += view_->camera.FocalLength() / candidate.depth / n;
   }
   const int half =
@@ -291,7 +283,7 @@ std::vector<ContourPair> InnerContour::Match(const PosedBody& body,
     const auto edge = ClearEdge(
         &belief[static_cast<size_t>(i) * num_labels], evidence[i], strength[i]);
     if (!edge) continue;
-    const Candidate& c = candidates[i];
+    const RimPoint& c = candidates[i];
     const double independent =
         std::min(1.0, spacing[i] / degree[i] / kContourCorrelationPixels);
     pairs.push_back({c.vertex,
@@ -308,8 +300,8 @@ std::vector<ContourPair> MatchInnerContours(
     const std::vector<InnerContour>& views,
     const PosedBody& body,
     const BodyTopology& topology,
+    const RayScene& scene,
     double reach) {
-  const RayScene scene(body.mesh);
   std::vector<std::vector<ContourPair>> per_view(views.size());
   tbb::parallel_for(size_t{0}, views.size(), [&](size_t v) {
     per_view[v] =

@@ -40,19 +40,15 @@ class InnerContour {
                                  double reach) const;
 
  private:
-  // A vertex of the rim, and where it is seen.
-  struct Candidate {
-    int vertex;
-    Eigen::Vector2d pixel, normal;  // pinhole
-    double depth;
-  };
-  std::vector<Candidate> FindCandidates(const PosedBody& body,
-                                        const BodyTopology& topology,
-                                        const RayScene& scene) const;
+  // Vertices of the rim in front of another part.
+  std::vector<RimPoint> FindCandidates(const PosedBody& body,
+                                       const BodyTopology& topology,
+                                       const RayScene& scene,
+                                       int view_index) const;
   // How strongly the colour changes at whole pixels from -half to half along
   // the candidate's normal, CIELAB units per pixel; negative where the outline
   // is too near.
-  std::vector<float> EdgeStrength(const Candidate& candidate, int half) const;
+  std::vector<float> EdgeStrength(const RimPoint& candidate, int half) const;
   // Distance to the silhouette, pinhole pixels.
   double Outside(const Eigen::Vector2d& pixel) const;
 
@@ -67,6 +63,7 @@ std::vector<ContourPair> MatchInnerContours(
     const std::vector<InnerContour>& views,
     const PosedBody& body,
     const BodyTopology& topology,
+    const RayScene& scene,
     double reach);
 
 }  // namespace sweepfit

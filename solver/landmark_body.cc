@@ -138,6 +138,12 @@ Eigen::Matrix3d HullSlack(const LimbLine& line, double from, double to) {
   return sum;
 }
 
+// The same about one place.
+Eigen::Matrix3d HullSlackAt(const LimbLine& line, double s) {
+  constexpr double kReach = 0.02;  // metres
+  return HullSlack(line, s - kReach, s + kReach);
+}
+
 class BodyTracer {
  public:
   BodyTracer(const Volume& volume,
@@ -213,8 +219,7 @@ void BodyTracer::Unsafe(const std::string& limb, const std::string& why) {
 void BodyTracer::AddOnLimb(
     int joint, const LimbLine& line, double s, double along, double across) {
   const Eigen::Vector3d tangent = TangentAt(line, s);
-  constexpr double kReach = 0.02;  // metres
-  const Eigen::Matrix3d slack = HullSlack(line, s - kReach, s + kReach);
+  const Eigen::Matrix3d slack = HullSlackAt(line, s);
   result_.landmarks.push_back(MakeLandmark(
       joint, PointAt(line, s), AlongAcross(tangent, along, across) + slack));
   AddPlace(joint, line, s, tangent, slack);
@@ -536,9 +541,7 @@ void BodyTracer::AddLegs() {
       }
     }
     const Eigen::Vector3d ankle = axis_point + along * axis;
-    constexpr double kSlackReach = 0.02;  // metres
-    const Eigen::Matrix3d slack =
-        HullSlack(leg.line, s_shank - kSlackReach, s_shank + kSlackReach);
+    const Eigen::Matrix3d slack = HullSlackAt(leg.line, s_shank);
     result_.landmarks.push_back(MakeLandmark(
         kAnkle[side], ankle, AlongAcross(axis, sigma, 0.010) + slack));
     // The pictures show the shank where it is narrow; at the joint they show

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <utility>
 
-#include "capture/render.h"
 #include "model/vertex_neighbours.h"
 #include "solver/surface_thickness.h"
 #include "volume/depth_match.h"
@@ -44,11 +43,11 @@ const PhotoEvidenceOptions& PhotoEvidence::options() const {
 }
 
 std::vector<PhotoPoint> PhotoEvidence::Match(const PosedBody& posed,
+                                             const RayScene& scene,
                                              const std::vector<Quad>& quads,
                                              double reach,
                                              double step_pixels) const {
   const std::vector<Eigen::Vector3d>& vertices = posed.mesh.vertices;
-  const RayScene scene(posed.mesh);
   const std::vector<double> thickness =
       SurfaceThickness(scene, vertices, posed.normals);
   std::vector<DepthQuery> queries(vertices.size());

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "capture/render.h"
 #include "capture/silhouette.h"
 #include "model/body.h"
 #include "solver/rim_evidence.h"
@@ -43,7 +44,9 @@ class PhotoEvidence {
   // Points within `reach` metres of the posed body, along the normals of its
   // vertices, in steps of `step_pixels` pixels. Never outside the hull. Parts
   // that are thinner than a patch, and plain ones, get no points.
+  // `scene` is the body's mesh.
   std::vector<PhotoPoint> Match(const PosedBody& posed,
+                                const RayScene& scene,
                                 const std::vector<Quad>& quads,
                                 double reach,
                                 double step_pixels) const;

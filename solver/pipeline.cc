@@ -144,6 +144,12 @@ FitResult FitTemplate(
                    "): look at what it starts from (--until landmarks) and fit "
                    "single poses (--poses)");
   };
+  const auto warn_of = [&](const std::string& stage,
+                           const StageSummary& summary) {
+    for (const std::string& warning : summary.warnings) {
+      if (progress != nullptr) progress->Warning(stage + ": " + warning);
+    }
+  };
   const double stature = BestStature(landmarks);
   result.body = StartBody(imported, stature);
   const Body template_body = result.body;
@@ -210,9 +216,7 @@ FitResult FitTemplate(
     result.body = std::move(fit.body);
     joints = std::move(fit.joints);
     *summary = std::move(fit.summary);
-    for (const std::string& warning : summary->warnings) {
-      if (progress != nullptr) progress->Warning("global: " + warning);
-    }
+    warn_of("global", *summary);
   });
   const std::vector<Eigen::Vector3d> reference_rest = RestVertices(result.body);
   if (until >= FindFitStage("local")) {
@@ -223,9 +227,7 @@ FitResult FitTemplate(
                &result.body,
                &joints,
                summary);
-      for (const std::string& warning : summary->warnings) {
-        if (progress != nullptr) progress->Warning("local: " + warning);
-      }
+      warn_of("local", *summary);
     });
   }
   if (until >= FindFitStage("refine")) {

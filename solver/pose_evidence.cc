@@ -12,13 +12,17 @@ std::vector<PictureMatches> MatchPictures(
   for (size_t p = 0; p < evidence.size(); ++p) {
     if (evidence[p].photo == nullptr && evidence[p].inner == nullptr) continue;
     const PosedBody posed = PoseForFit(body, joints.poses[p].pose);
+    const RayScene scene(posed.mesh);
     if (evidence[p].photo != nullptr) {
-      matches[p].photo = evidence[p].photo->Match(
-          posed, body.topology.quads, reach.photo, reach.photo_step_pixels);
+      matches[p].photo = evidence[p].photo->Match(posed,
+                                                  scene,
+                                                  body.topology.quads,
+                                                  reach.photo,
+                                                  reach.photo_step_pixels);
     }
     if (evidence[p].inner != nullptr) {
       matches[p].inner = MatchInnerContours(
-          *evidence[p].inner, posed, body.topology, reach.inner);
+          *evidence[p].inner, posed, body.topology, scene, reach.inner);
     }
   }
   return matches;

@@ -80,22 +80,14 @@ std::vector<RimPoint> FindRim(const PosedBody& body,
   for (const int v :
        ContourGenerator(body, quads, view.camera.CenterInWorld())) {
     const Vector3d& x = body.mesh.vertices[v];
-    const auto projection = ProjectWithDerivative(view.camera, x);
-    if (!projection) continue;
+    const auto point = SeeRim(body, v, view, view_index);
+    if (!point) continue;
     const Vector2d at = scaled.ProjectPinhole(x);
     const cv::Point pixel(static_cast<int>(std::lround(at.x())),
                           static_cast<int>(std::lround(at.y())));
     if (!frame.contains(pixel)) continue;
     if (outline.distance(pixel) > kOutlineTolerance) continue;
-    const Vector2d normal =
-        (view.camera.camera_from_world * body.normals[v]).head<2>();
-    if (normal.norm() < 0.3) continue;
-    rim.push_back({v,
-                   view_index,
-                   projection->pixel,
-                   normal.normalized(),
-                   projection->depth,
-                   1.0});
+    rim.push_back(*point);
   }
   if (!rim.empty()) {
     const double spacing = outline.length / static_cast<double>(rim.size());
@@ -156,6 +148,23 @@ PosedBody PoseForFit(const Body& body, const Pose& pose) {
       TriangulateQuads(body.topology.quads, posed.mesh.vertices);
   posed.normals = VertexNormals(posed.mesh);
   return posed;
+}
+
+std::optional<RimPoint> SeeRim(const PosedBody& body,
+                               int vertex,
+                               const View& view,
+                               int view_index) {
+  const auto projection =
+      ProjectWithDerivative(view.camera, body.mesh.vertices[vertex]);
+  const Vector2d normal =
+      (view.camera.camera_from_world * body.normals[vertex]).head<2>();
+  if (!projection || normal.norm() < 0.3) return std::nullopt;
+  return RimPoint{vertex,
+                  view_index,
+                  projection->pixel,
+                  normal.normalized(),
+                  projection->depth,
+                  1.0};
 }
 
 ObservedContour ObserveContour(const View& view, double spacing) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "capture/silhouette.h"
@@ -36,6 +37,13 @@ struct RimPoint {
   double depth;
   double weight;  // share of an independent observation, see below
 };
+
+// The rim vertex as the view sees it, with a weight of 1; none behind the
+// camera, or where the surface looks along the view.
+std::optional<RimPoint> SeeRim(const PosedBody& body,
+                               int vertex,
+                               const View& view,
+                               int view_index);
 
 // An observed contour point and the rim vertex that explains it best.
 struct ContourPair {

@@ -9,6 +9,7 @@
 #include <iterator>
 
 #include "model/median.h"
+#include "volume/sub_step.h"
 #include "volume/surface_labels.h"
 
 namespace sweepfit {
@@ -29,14 +30,6 @@ constexpr double kMostSag = 1;
 constexpr double kBendReach = 0.85;
 // Taps are less dependent near the maximum than far from it.
 constexpr double kPrecision = 2;
-
-// Least of a parabola through three equidistant values, in steps from the
-// middle one.
-double SubStep(double before, double middle, double after) {
-  const double bend = before - 2 * middle + after;
-  if (!(bend < -1e-6)) return 0;
-  return std::clamp(0.5 * (before - after) / bend, -0.5, 0.5);
-}
 
 std::vector<double> ListDepths(const DepthSearch& search) {
   std::vector<double> depths;

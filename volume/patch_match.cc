@@ -8,6 +8,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "capture/colour.h"
 #include "model/median.h"
 
 namespace sweepfit {
@@ -25,12 +26,8 @@ constexpr double kLeastNoise = 0.15;
 
 // CIELAB L of a part of the picture.
 cv::Mat1f Lightness(const cv::Mat3b& image, const cv::Rect& part) {
-  cv::Mat3f bgr;
-  image(part).convertTo(bgr, CV_32F, 1.0 / 255);
-  cv::Mat3f lab;
-  cv::cvtColor(bgr, lab, cv::COLOR_BGR2Lab);
   cv::Mat1f lightness;
-  cv::extractChannel(lab, lightness, 0);
+  cv::extractChannel(PictureToLab(image(part)), lightness, 0);
   return lightness;
 }
 

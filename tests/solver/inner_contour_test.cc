@@ -51,8 +51,11 @@ class SeenFromTheLeft : public ::testing::Test {
   }
 
   std::vector<ContourPair> Match(const PosedBody& posed) const {
-    return MatchInnerContours(
-        {InnerContour(view_, {})}, posed, body_.topology, 0.025);
+    return MatchInnerContours({InnerContour(view_, {})},
+                              posed,
+                              body_.topology,
+                              RayScene(posed.mesh),
+                              0.025);
   }
 
   Body body_;

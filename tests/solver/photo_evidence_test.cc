@@ -41,8 +41,8 @@ TEST(PhotoEvidence, FindsTheSurfaceThatNoOutlineShows) {
   const Volume hull = BuildVisualHull(views, {0.008}, nullptr, nullptr);
   const NearBody body = BodyFromHull(hull);
   const PhotoEvidence photo(views, hull, {});
-  const std::vector<PhotoPoint> points =
-      photo.Match(body.posed, body.quads, 0.03, 0.85);
+  const std::vector<PhotoPoint> points = photo.Match(
+      body.posed, RayScene(body.posed.mesh), body.quads, 0.03, 0.85);
   EXPECT_GT(points.size(), body.posed.mesh.vertices.size() / 5);
   double before = 0, after = 0;
   for (const PhotoPoint& point : points) {
@@ -63,7 +63,8 @@ TEST(PhotoEvidence, SaysNothingOfPlainSurfaces) {
   const Volume hull = BuildVisualHull(views, {0.008}, nullptr, nullptr);
   const NearBody body = BodyFromHull(hull);
   const std::vector<PhotoPoint> points =
-      PhotoEvidence(views, hull, {}).Match(body.posed, body.quads, 0.03, 0.85);
+      PhotoEvidence(views, hull, {})
+          .Match(body.posed, RayScene(body.posed.mesh), body.quads, 0.03, 0.85);
   // Shading is no texture.
   EXPECT_LT(points.size(), body.posed.mesh.vertices.size() / 30);
 }
