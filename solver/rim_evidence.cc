@@ -3,6 +3,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
@@ -20,6 +21,15 @@ constexpr double kMinNormalAgreement = 0.5;  // cos 60 degrees
 // enough to tell the outline from folds inside it.
 constexpr double kOutlineScale = 0.5;
 constexpr double kOutlineTolerance = 1.6;  // pixels of the drawn outline
+
+// Rims are rivals that run side by side in the picture, within this reach, and
+// belong to places of the body this far apart, metres.
+constexpr double kRivalReach = 0.013;
+constexpr double kRivalDistance = 0.08;
+constexpr double kRivalAgreement = 0.8;  // cosine of the normals
+// The outline is that of one of them. Which one, symmetry and the other views
+// tell better; taken for that of both it holds the wrong one where it stands.
+constexpr double kRivalTrust = 0.2;
 
 // The same view without distortion and at another resolution.
 Camera ScaledPinhole(const Camera& camera, double scale) {
@@ -68,6 +78,20 @@ Outline DrawOutline(const Camera& scaled, const TriangleMesh& mesh) {
   return outline;
 }
 
+bool HasRival(const PosedBody& body,
+              const std::vector<RimPoint>& turning,
+              double focal_length,
+              const RimPoint& rim) {
+  const double reach = kRivalReach * focal_length / rim.depth;
+  const auto is_rival = [&](const RimPoint& other) {
+    return (other.pixel - rim.pixel).squaredNorm() < reach * reach &&
+           other.normal.dot(rim.normal) > kRivalAgreement &&
+           (body.mesh.vertices[other.vertex] - body.mesh.vertices[rim.vertex])
+                   .norm() > kRivalDistance;
+  };
+  return std::any_of(turning.begin(), turning.end(), is_rival);
+}
+
 std::vector<RimPoint> FindRim(const PosedBody& body,
                               const std::vector<Quad>& quads,
                               const View& view,
@@ -76,12 +100,13 @@ std::vector<RimPoint> FindRim(const PosedBody& body,
       CropToMesh(ScaledPinhole(view.camera, kOutlineScale), body.mesh);
   const Outline outline = DrawOutline(scaled, body.mesh);
   const cv::Rect frame(1, 1, scaled.width - 2, scaled.height - 2);
-  std::vector<RimPoint> rim;
+  std::vector<RimPoint> rim, turning;
   for (const int v :
        ContourGenerator(body, quads, view.camera.CenterInWorld())) {
     const Vector3d& x = body.mesh.vertices[v];
     const auto point = SeeRim(body, v, view, view_index);
     if (!point) continue;
+    turning.push_back(*point);
     const Vector2d at = scaled.ProjectPinhole(x);
     const cv::Point pixel(static_cast<int>(std::lround(at.x())),
                           static_cast<int>(std::lround(at.y())));
@@ -92,7 +117,11 @@ std::vector<RimPoint> FindRim(const PosedBody& body,
   if (!rim.empty()) {
     const double spacing = outline.length / static_cast<double>(rim.size());
     for (RimPoint& point : rim) {
-      point.weight = std::min(1.0, spacing / kContourCorrelationPixels);
+      if (HasRival(body, turning, view.camera.FocalLength(), point)) {
+        point.trust = kRivalTrust;
+      }
+      point.weight =
+          point.trust * std::min(1.0, spacing / kContourCorrelationPixels);
     }
   }
   return rim;
@@ -107,6 +136,8 @@ void PairContour(const std::vector<RimPoint>& rim,
                  double max_distance,
                  std::vector<ContourPair>* pairs,
                  int* num_unexplained) {
+  const double share =
+      std::min(1.0, contour.spacing / kContourCorrelationPixels);
   for (size_t i = 0; i < contour.pixel.size(); ++i) {
     const RimPoint* best = nullptr;
     double best_cost = max_distance * max_distance;
@@ -130,7 +161,7 @@ void PairContour(const std::vector<RimPoint>& rim,
                       contour.pixel[i],
                       contour.normal[i],
                       best->depth,
-                      0});
+                      best->trust * share});
   }
 }
 
@@ -262,10 +293,6 @@ RimEvidence GatherRimEvidence(const PosedBody& body,
                 max_distance,
                 &result.pairs,
                 &result.num_unexplained);
-    for (ContourPair& pair : result.pairs) {
-      pair.weight =
-          std::min(1.0, contours[v].spacing / kContourCorrelationPixels);
-    }
   });
   RimEvidence evidence;
   for (const PerView& result : per_view) {

@@ -36,6 +36,8 @@ struct RimPoint {
   Eigen::Vector2d normal;  // outward unit normal in the picture
   double depth;
   double weight;  // share of an independent observation, see below
+  // 1, or less where another part's rim may be what the outline shows.
+  double trust = 1;
 };
 
 // The rim vertex as the view sees it, with a weight of 1; none behind the
@@ -78,7 +80,9 @@ struct RimEvidence {
 
 // Finds the rim of the posed body in every view (contour generator on the
 // outline of the body) and pairs it with the observed contours. A pair must lie
-// within max_distance pixels and its normals within 60 degrees.
+// within max_distance pixels and its normals within 60 degrees. Where the rims
+// of two parts run side by side (one leg before the other, an arm before the
+// flank) both count less.
 RimEvidence GatherRimEvidence(const PosedBody& body,
                               const std::vector<Quad>& quads,
                               const std::vector<View>& views,
