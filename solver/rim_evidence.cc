@@ -27,9 +27,10 @@ constexpr double kOutlineTolerance = 1.6;  // pixels of the drawn outline
 constexpr double kRivalReach = 0.013;
 constexpr double kRivalDistance = 0.08;
 constexpr double kRivalAgreement = 0.8;  // cosine of the normals
-// The outline is that of one of them. Which one, symmetry and the other views
-// tell better; taken for that of both it holds the wrong one where it stands.
-constexpr double kRivalTrust = 0.2;
+// The outline is that of one of them. Cameras on opposite sides see the same
+// outline, each with another of the two in front: one observation, not two.
+constexpr double kOpposite = -0.9;  // cosine between directions from above
+constexpr double kRivalTrust = 0.5;
 
 // The same view without distortion and at another resolution.
 Camera ScaledPinhole(const Camera& camera, double scale) {
@@ -78,6 +79,19 @@ Outline DrawOutline(const Camera& scaled, const TriangleMesh& mesh) {
   return outline;
 }
 
+bool HasOpposite(const std::vector<View>& views,
+                 size_t index,
+                 const Vector3d& middle) {
+  const auto direction = [&](const View& view) -> Vector3d {
+    const Vector3d to_camera = view.camera.CenterInWorld() - middle;
+    return Vector3d(to_camera.x(), 0, to_camera.z()).normalized();
+  };
+  const Vector3d own = direction(views[index]);
+  return std::any_of(views.begin(), views.end(), [&](const View& other) {
+    return direction(other).dot(own) < kOpposite;
+  });
+}
+
 bool HasRival(const PosedBody& body,
               const std::vector<RimPoint>& turning,
               double focal_length,
@@ -95,7 +109,8 @@ bool HasRival(const PosedBody& body,
 std::vector<RimPoint> FindRim(const PosedBody& body,
                               const std::vector<Quad>& quads,
                               const View& view,
-                              int view_index) {
+                              int view_index,
+                              bool has_opposite) {
   const Camera scaled =
       CropToMesh(ScaledPinhole(view.camera, kOutlineScale), body.mesh);
   const Outline outline = DrawOutline(scaled, body.mesh);
@@ -117,7 +132,8 @@ std::vector<RimPoint> FindRim(const PosedBody& body,
   if (!rim.empty()) {
     const double spacing = outline.length / static_cast<double>(rim.size());
     for (RimPoint& point : rim) {
-      if (HasRival(body, turning, view.camera.FocalLength(), point)) {
+      if (has_opposite &&
+          HasRival(body, turning, view.camera.FocalLength(), point)) {
         point.trust = kRivalTrust;
       }
       point.weight =
@@ -284,10 +300,18 @@ RimEvidence GatherRimEvidence(const PosedBody& body,
     std::vector<ContourPair> pairs;
     int num_unexplained = 0;
   };
+  Vector3d middle = Vector3d::Zero();
+  for (const Vector3d& x : body.mesh.vertices) {
+    middle += x / static_cast<double>(body.mesh.vertices.size());
+  }
   std::vector<PerView> per_view(views.size());
   tbb::parallel_for(size_t{0}, views.size(), [&](size_t v) {
     PerView& result = per_view[v];
-    result.rim = FindRim(body, quads, views[v], static_cast<int>(v));
+    result.rim = FindRim(body,
+                         quads,
+                         views[v],
+                         static_cast<int>(v),
+                         HasOpposite(views, v, middle));
     PairContour(result.rim,
                 contours[v],
                 max_distance,

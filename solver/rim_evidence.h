@@ -82,7 +82,7 @@ struct RimEvidence {
 // outline of the body) and pairs it with the observed contours. A pair must lie
 // within max_distance pixels and its normals within 60 degrees. Where the rims
 // of two parts run side by side (one leg before the other, an arm before the
-// flank) both count less.
+// flank) and a camera on the other side sees the same outline, both count half.
 RimEvidence GatherRimEvidence(const PosedBody& body,
                               const std::vector<Quad>& quads,
                               const std::vector<View>& views,
