@@ -69,7 +69,7 @@ class ForeignRigTest : public ::testing::Test {
     EXPECT_TRUE(topology.IsClosedManifold());
     EXPECT_EQ(topology.num_components, 1);
     EXPECT_EQ(topology.euler_characteristic, 2);
-    EXPECT_NEAR(EnclosedVolume(mesh) / EnclosedVolume(expected), 1, 0.025);
+    EXPECT_NEAR(EnclosedVolume(mesh) / EnclosedVolume(expected), 1, 0.0205);
     int mirrored = 0;
     for (int v = 0; v < body.num_vertices(); ++v) {
       mirrored += body.topology.mirror_vertex[v] != v;
