@@ -29,6 +29,7 @@ struct LocalOptions {
   // the template, times the feature weight.
   std::string mode = "rim";
   int rounds = 3;
+  int rounds_two_outlines = 7;   // where views see fewer than three outlines
   double sigma_rim = 0.0015;     // metres
   double sigma_hull = 0.0015;    // metres beyond the hull
   double sigma_around = 0.05;    // second difference of q around a section

@@ -123,8 +123,7 @@ double AddEvidence(const PoseEvidence& evidence,
                    RadiusProblem* problem) {
   const PosedBody posed = PoseForFit(body, pose);
   const std::vector<View>& views = *evidence.views;
-  RimEvidence rims = GatherRimEvidence(
-      posed, body.topology.quads, views, *evidence.contours, kRimReach);
+  RimEvidence rims = GatherRims(evidence, posed, body, kRimReach);
   rims.AddPairs(pictures.inner);
   std::map<int, RowPoint> points;
   const auto at = [&](int vertex) -> const RowPoint& {
@@ -290,6 +289,18 @@ nlohmann::ordered_json SolveRadii(const std::vector<PoseEvidence>& evidence,
   return report;
 }
 
+// With cameras in opposite pairs (a ring of four) what one outline leaves open
+// the pictures must close, and pose and radii take longer to agree.
+int NumRounds(const std::vector<PoseEvidence>& evidence,
+              const LocalOptions& options) {
+  constexpr int kPlenty = 3;
+  const bool few = std::any_of(
+      evidence.begin(), evidence.end(), [](const PoseEvidence& pose) {
+        return NumOutlines(*pose.views) < kPlenty;
+      });
+  return few ? options.rounds_two_outlines : options.rounds;
+}
+
 // Radii read off the hull along rays in the section planes, averaged over the
 // poses: the paper's local fit. Rays that run into another limb are left out.
 void SampleHullRadii(const std::vector<PoseEvidence>& evidence,
@@ -338,6 +349,9 @@ std::optional<std::string> LocalOptions::Check() const {
     return "local.mode must be rim, hull or paper, not '" + mode + "'";
   }
   if (rounds < 1 || rounds > 50) return "local.rounds must be 1 to 50";
+  if (rounds_two_outlines < 1 || rounds_two_outlines > 50) {
+    return "local.rounds_two_outlines must be 1 to 50";
+  }
   for (const double sigma : {sigma_rim,
                              sigma_hull,
                              sigma_around,
@@ -376,17 +390,18 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
                                    joints,
                                    pose_report);
     };
-    for (int round = 0; round < options.rounds; ++round) {
-      const bool first = round == 0;
+    const int rounds = NumRounds(evidence, options);
+    for (int round = 0; round < rounds; ++round) {
+      const bool first = round == 0, last = round + 1 == rounds;
       // Outlines first: photographs are matched about what nearly fits.
-      const bool last = round + 1 == options.rounds;
-      if (round == 1 || (last && !first)) {
+      if (!first) {
+        const bool wide = round == 1 && !last;
         pictures = MatchPictures(evidence,
                                  *joints,
                                  *body,
-                                 {last ? kPhotoReachLast : kPhotoReach,
+                                 {wide ? kPhotoReach : kPhotoReachLast,
                                   kPhotoStep,
-                                  last ? kInnerReachLast : kInnerReach});
+                                  wide ? kInnerReach : kInnerReachLast});
         // What the turn of a limb explains, the radii shall not.
         if (evidence.front().photo != nullptr) {
           solve_pose(last ? &person_report : nullptr);
@@ -404,7 +419,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
         summary->figures["rim_error_start_mm"] = report["rim_error_start_mm"];
       }
       // With better radii the outline says more about the pose.
-      const int left = options.rounds - 1 - round;
+      const int left = rounds - 1 - round;
       if (left > 0) solve_pose(left == 1 ? &person_report : nullptr);
     }
     summary->figures["radii"] = report;

@@ -193,7 +193,8 @@ FitResult FitTemplate(
                         &*pose.seen->volume,
                         &landmarks[p],
                         photo.empty() ? nullptr : &photo[p],
-                        inner.empty() ? nullptr : &inner[p]});
+                        inner.empty() ? nullptr : &inner[p],
+                        options.outlines});
   }
   run_stage("global", [&](StageSummary* summary) {
     GlobalFit fit{result.body, joints, *summary};
@@ -304,6 +305,7 @@ std::optional<std::string> FitOptions::Check() const {
                             volume.Check(),
                             landmarks.Check(),
                             joints.Check(),
+                            outlines.Check(),
                             global.Check(),
                             local.Check(),
                             photo.Check(),

@@ -17,6 +17,7 @@
 #include "solver/fit_body.h"
 #include "solver/joints.h"
 #include "solver/landmarks.h"
+#include "solver/rim_evidence.h"
 #include "solver/texture.h"
 #include "volume/coherence.h"
 #include "volume/volume.h"
@@ -68,6 +69,7 @@ struct FitOptions {
   VolumeOptions volume;
   LandmarkOptions landmarks;
   JointOptions joints;
+  OutlineOptions outlines;
   GlobalOptions global;
   LocalOptions local;
   PhotoEvidenceOptions photo;

@@ -28,6 +28,18 @@ std::vector<PictureMatches> MatchPictures(
   return matches;
 }
 
+RimEvidence GatherRims(const PoseEvidence& evidence,
+                       const PosedBody& posed,
+                       const Body& body,
+                       double reach_pixels) {
+  return GatherRimEvidence(posed,
+                           body.topology.quads,
+                           *evidence.views,
+                           *evidence.contours,
+                           reach_pixels,
+                           evidence.outlines);
+}
+
 StandingBody Stand(const std::vector<PoseEvidence>& evidence,
                    const JointResult& joints,
                    const Body& body,
@@ -35,11 +47,8 @@ StandingBody Stand(const std::vector<PoseEvidence>& evidence,
   StandingBody standing;
   for (size_t p = 0; p < evidence.size(); ++p) {
     standing.posed.push_back(PoseForFit(body, joints.poses[p].pose));
-    standing.rims.push_back(GatherRimEvidence(standing.posed[p],
-                                              body.topology.quads,
-                                              *evidence[p].views,
-                                              *evidence[p].contours,
-                                              reach_pixels));
+    standing.rims.push_back(
+        GatherRims(evidence[p], standing.posed[p], body, reach_pixels));
     standing.rim_error += MeanRimError(standing.rims[p], *evidence[p].views) /
                           static_cast<double>(evidence.size());
   }

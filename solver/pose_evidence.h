@@ -22,7 +22,15 @@ struct PoseEvidence {
   const PhotoEvidence* photo = nullptr;  // none: outlines and hull only
   // One per view; null: what is inside the outlines does not count.
   const std::vector<InnerContour>* inner = nullptr;
+  OutlineOptions outlines = {};
 };
+
+// The rims of the body in one pose and their partners on the outlines, which
+// are looked for within `reach_pixels`.
+RimEvidence GatherRims(const PoseEvidence& evidence,
+                       const PosedBody& posed,
+                       const Body& body,
+                       double reach_pixels);
 
 // What the pictures of one pose show inside the outlines.
 struct PictureMatches {

@@ -27,10 +27,10 @@ constexpr double kOutlineTolerance = 1.6;  // pixels of the drawn outline
 constexpr double kRivalReach = 0.013;
 constexpr double kRivalDistance = 0.08;
 constexpr double kRivalAgreement = 0.8;  // cosine of the normals
-// The outline is that of one of them. Cameras on opposite sides see the same
-// outline, each with another of the two in front: one observation, not two.
-constexpr double kOpposite = -0.9;  // cosine between directions from above
-constexpr double kRivalTrust = 0.5;
+
+// Views are opposite whose axes, seen from above, are: the cosine between them.
+constexpr double kOpposite = -0.9;
+constexpr double kLevel = 0.3;  // shorter from above: looks up or down
 
 // The same view without distortion and at another resolution.
 Camera ScaledPinhole(const Camera& camera, double scale) {
@@ -79,17 +79,14 @@ Outline DrawOutline(const Camera& scaled, const TriangleMesh& mesh) {
   return outline;
 }
 
-bool HasOpposite(const std::vector<View>& views,
-                 size_t index,
-                 const Vector3d& middle) {
-  const auto direction = [&](const View& view) -> Vector3d {
-    const Vector3d to_camera = view.camera.CenterInWorld() - middle;
-    return Vector3d(to_camera.x(), 0, to_camera.z()).normalized();
+bool AreOpposite(const View& a, const View& b) {
+  const auto axis_from_above = [](const View& view) -> Vector2d {
+    const Vector3d axis = view.camera.camera_from_world.row(2);
+    return {axis.x(), axis.z()};
   };
-  const Vector3d own = direction(views[index]);
-  return std::any_of(views.begin(), views.end(), [&](const View& other) {
-    return direction(other).dot(own) < kOpposite;
-  });
+  const Vector2d of_a = axis_from_above(a), of_b = axis_from_above(b);
+  return of_a.norm() > kLevel && of_b.norm() > kLevel &&
+         of_a.normalized().dot(of_b.normalized()) < kOpposite;
 }
 
 bool HasRival(const PosedBody& body,
@@ -110,7 +107,7 @@ std::vector<RimPoint> FindRim(const PosedBody& body,
                               const std::vector<Quad>& quads,
                               const View& view,
                               int view_index,
-                              bool has_opposite) {
+                              double rival_weight) {
   const Camera scaled =
       CropToMesh(ScaledPinhole(view.camera, kOutlineScale), body.mesh);
   const Outline outline = DrawOutline(scaled, body.mesh);
@@ -132,9 +129,9 @@ std::vector<RimPoint> FindRim(const PosedBody& body,
   if (!rim.empty()) {
     const double spacing = outline.length / static_cast<double>(rim.size());
     for (RimPoint& point : rim) {
-      if (has_opposite &&
+      if (rival_weight < 1 &&
           HasRival(body, turning, view.camera.FocalLength(), point)) {
-        point.trust = kRivalTrust;
+        point.trust = rival_weight;
       }
       point.weight =
           point.trust * std::min(1.0, spacing / kContourCorrelationPixels);
@@ -290,20 +287,46 @@ std::vector<int> ContourGenerator(const PosedBody& body,
   return rim;
 }
 
+std::vector<bool> HaveOpposite(const std::vector<View>& views) {
+  std::vector<bool> result;
+  for (const View& view : views) {
+    result.push_back(
+        std::any_of(views.begin(), views.end(), [&](const View& other) {
+          return AreOpposite(view, other);
+        }));
+  }
+  return result;
+}
+
+int NumOutlines(const std::vector<View>& views) {
+  int count = 0;
+  for (auto view = views.begin(); view != views.end(); ++view) {
+    count += std::none_of(views.begin(), view, [&](const View& earlier) {
+      return AreOpposite(*view, earlier);
+    });
+  }
+  return count;
+}
+
+std::optional<std::string> OutlineOptions::Check() const {
+  if (!(rival_weight >= 0 && rival_weight <= 1)) {
+    return "outlines.rival_weight must be 0 to 1";
+  }
+  return std::nullopt;
+}
+
 RimEvidence GatherRimEvidence(const PosedBody& body,
                               const std::vector<Quad>& quads,
                               const std::vector<View>& views,
                               const std::vector<ObservedContour>& contours,
-                              double max_distance) {
+                              double max_distance,
+                              const OutlineOptions& options) {
   struct PerView {
     std::vector<RimPoint> rim;
     std::vector<ContourPair> pairs;
     int num_unexplained = 0;
   };
-  Vector3d middle = Vector3d::Zero();
-  for (const Vector3d& x : body.mesh.vertices) {
-    middle += x / static_cast<double>(body.mesh.vertices.size());
-  }
+  const std::vector<bool> has_opposite = HaveOpposite(views);
   std::vector<PerView> per_view(views.size());
   tbb::parallel_for(size_t{0}, views.size(), [&](size_t v) {
     PerView& result = per_view[v];
@@ -311,7 +334,7 @@ RimEvidence GatherRimEvidence(const PosedBody& body,
                          quads,
                          views[v],
                          static_cast<int>(v),
-                         HasOpposite(views, v, middle));
+                         has_opposite[v] ? options.rival_weight : 1.0);
     PairContour(result.rim,
                 contours[v],
                 max_distance,

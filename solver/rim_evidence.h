@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "capture/silhouette.h"
@@ -68,6 +69,19 @@ std::vector<int> ContourGenerator(const PosedBody& body,
                                   const std::vector<Quad>& quads,
                                   const Eigen::Vector3d& camera_in_world);
 
+// True for views that stand opposite another one: these two see one outline.
+std::vector<bool> HaveOpposite(const std::vector<View>& views);
+// Outlines that differ: views opposite each other count once.
+int NumOutlines(const std::vector<View>& views);
+
+struct OutlineOptions {
+  // What a rim counts beside which another part's runs, where a view opposite
+  // sees the same outline: it is that of one of them, of the other in the view
+  // opposite.
+  double rival_weight = 0.2;
+  std::optional<std::string> Check() const;
+};
+
 struct RimEvidence {
   std::vector<RimPoint> rim;         // model -> image
   std::vector<ContourPair> contour;  // image -> model
@@ -80,14 +94,15 @@ struct RimEvidence {
 
 // Finds the rim of the posed body in every view (contour generator on the
 // outline of the body) and pairs it with the observed contours. A pair must lie
-// within max_distance pixels and its normals within 60 degrees. Where the rims
-// of two parts run side by side (one leg before the other, an arm before the
-// flank) and a camera on the other side sees the same outline, both count half.
+// within max_distance pixels and its normals within 60 degrees. Rims of two
+// parts that run side by side (one leg before the other, an arm before the
+// flank) count as `options` says.
 RimEvidence GatherRimEvidence(const PosedBody& body,
                               const std::vector<Quad>& quads,
                               const std::vector<View>& views,
                               const std::vector<ObservedContour>& contours,
-                              double max_distance);
+                              double max_distance,
+                              const OutlineOptions& options);
 
 // Mean distance in metres between the rim of the body and the silhouettes.
 double MeanRimError(const RimEvidence& evidence,

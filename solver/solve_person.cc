@@ -34,11 +34,7 @@ void AddSurface(const PoseEvidence& evidence,
                 PersonProblem* problem) {
   const PosedBody posed = PoseForFit(body, estimate.pose);
   const std::vector<View>& views = *evidence.views;
-  RimEvidence rims = GatherRimEvidence(posed,
-                                       body.topology.quads,
-                                       views,
-                                       *evidence.contours,
-                                       outline.max_distance);
+  RimEvidence rims = GatherRims(evidence, posed, body, outline.max_distance);
   if (pictures != nullptr) rims.AddPairs(pictures->inner);
   std::map<int, std::shared_ptr<const ShapedPoint>> carried;
   const auto carry = [&](int vertex) {

@@ -14,6 +14,15 @@ namespace {
 
 using Eigen::Vector3d;
 
+std::vector<View> Stand(const std::vector<Vector3d>& places) {
+  std::vector<View> views;
+  for (const Vector3d& place : places) {
+    views.emplace_back().camera =
+        testing::LookAt("camera", place, {0, 0.9, 0}, 1000, 900);
+  }
+  return views;
+}
+
 // A standing body and its own silhouette.
 class OwnOutline : public ::testing::Test {
  protected:
@@ -23,20 +32,18 @@ class OwnOutline : public ::testing::Test {
     posed_ = PoseForFit(body_, pose);
   }
 
-  RimEvidence Look(const std::vector<Vector3d>& from) const {
-    std::vector<View> views;
+  RimEvidence Look(const std::vector<Vector3d>& from,
+                   const OutlineOptions& options = {}) const {
+    std::vector<View> views = Stand(from);
     std::vector<ObservedContour> contours;
     constexpr double kSpacing = 4, kMaxDistance = 20;  // pixels
-    for (const Vector3d& place : from) {
-      View view;
-      view.camera = testing::LookAt("camera", place, {0, 0.9, 0}, 1000, 900);
+    for (View& view : views) {
       view.coverage = RenderCoverage(view.camera, posed_.mesh);
       view.signed_distance = SignedDistance(view.camera, view.coverage);
       contours.push_back(ObserveContour(view, kSpacing));
-      views.push_back(std::move(view));
     }
     return GatherRimEvidence(
-        posed_, body_.topology.quads, views, contours, kMaxDistance);
+        posed_, body_.topology.quads, views, contours, kMaxDistance, options);
   }
 
   bool IsLowerLeg(int vertex) const {
@@ -82,6 +89,21 @@ TEST_F(OwnOutline, OppositeCamerasShareTheOutlineOfLegsSideBySide) {
   // Nobody else sees this one.
   EXPECT_GT(LegShare(Look({kLeft})), 0.99);
   EXPECT_GT(LegShare(Look({kLeft, kFront})), 0.99);
+  // As asked for.
+  EXPECT_GT(LegShare(Look({kLeft, kRight}, {.rival_weight = 1})), 0.99);
+}
+
+TEST(Outlines, OppositeViewsSeeOne) {
+  const Vector3d kAbove(0, 5, 0.1), kHalfLeft(kFar, 1.2, kFar);
+  EXPECT_EQ(NumOutlines({}), 0);
+  EXPECT_EQ(NumOutlines(Stand({kFront})), 1);
+  EXPECT_EQ(NumOutlines(Stand({kFront, kBack})), 1);
+  EXPECT_EQ(NumOutlines(Stand({kLeft, kFront, kRight, kBack})), 2);
+  EXPECT_EQ(NumOutlines(Stand({kFront, kHalfLeft, kLeft, kRight})), 3);
+  // From above there is no side.
+  EXPECT_EQ(NumOutlines(Stand({kFront, kAbove, kBack})), 2);
+  EXPECT_EQ(HaveOpposite(Stand({kFront, kHalfLeft, kBack})),
+            (std::vector<bool>{true, false, true}));
 }
 
 }  // namespace
