@@ -78,6 +78,10 @@ std::optional<View> SegmentOne(const Capture& capture,
 // to the nearest boundary that is seen. Width + height where there is none.
 cv::Mat1f SignedDistance(const Camera& camera, const cv::Mat1f& coverage);
 
+// The box around what is set in a mask, wider by `margin` pixels on each side
+// as far as the mask goes; empty where nothing is set.
+cv::Rect BoxAround(const cv::Mat1b& mask, int margin);
+
 // Value and gradient of an image by bilinear interpolation; coordinates outside
 // are clamped to the border.
 struct ImageSample {

@@ -391,6 +391,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
                                    pose_report);
     };
     const int rounds = NumRounds(evidence, options);
+    summary->figures["rounds"] = rounds;
     for (int round = 0; round < rounds; ++round) {
       const bool first = round == 0, last = round + 1 == rounds;
       // Outlines first: photographs are matched about what nearly fits.

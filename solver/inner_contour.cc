@@ -125,16 +125,8 @@ std::optional<std::string> InnerContourOptions::Check() const {
 InnerContour::InnerContour(const View& view, const InnerContourOptions& options)
     : view_(&view), options_(options) {
   constexpr int kMargin = 8;  // pixels
-  box_ = cv::boundingRect(view.coverage > 0.5f);
-  box_ = cv::Rect(box_.x - kMargin,
-                  box_.y - kMargin,
-                  box_.width + 2 * kMargin,
-                  box_.height + 2 * kMargin) &
-         cv::Rect({0, 0}, view.image.size());
-  if (box_.width < 2 || box_.height < 2) {
-    box_ = {};
-    return;
-  }
+  box_ = BoxAround(view.coverage > 0.5f, kMargin);
+  if (box_.empty()) return;
   color_ = PictureToLab(view.image(box_));
 }
 

@@ -52,17 +52,6 @@ double MeasureNoise(const cv::Mat1f& lightness, const cv::Mat1f& coverage) {
   return MedianInPlace(&response) / (kGain * kMedianOfAbs);
 }
 
-// The box around the silhouette, in pinhole pixels, with room for patches.
-cv::Rect PersonBox(const cv::Mat1f& signed_distance, int margin) {
-  const cv::Rect frame({0, 0}, signed_distance.size());
-  cv::Rect box = cv::boundingRect(signed_distance < 0);
-  box.x -= margin;
-  box.y -= margin;
-  box.width += 2 * margin;
-  box.height += 2 * margin;
-  return box & frame;
-}
-
 // Where the pixels of a box of pinhole pixels lie in the picture as taken.
 cv::Mat2f DistortBox(const Camera& camera, const cv::Rect& box) {
   cv::Mat2f map(box.size());
@@ -98,7 +87,8 @@ PatchMatcher::PatchMatcher(const std::vector<View>& views,
     picture.camera.distortion = {};
     picture.center_in_world = view.camera.CenterInWorld();
     picture.signed_distance = view.signed_distance;
-    picture.box = PersonBox(view.signed_distance, 2 * options.side);
+    // In pinhole pixels, with room for patches.
+    picture.box = BoxAround(view.signed_distance < 0, 2 * options.side);
     if (picture.box.empty()) return;
     // The part of the picture as taken that is seen there.
     cv::Mat2f map;

@@ -127,6 +127,37 @@ TEST(Fit, PosesShareOneBody) {
   }
 }
 
+TEST(Fit, ARingOfFourTakesMoreRounds) {
+  const TemporaryFolder folder;
+  const Capture capture =
+      WriteSyntheticCapture(folder.path() / "capture", SmallCapture(), nullptr);
+  const TriangleMesh surface =
+      LoadPly((capture.folder / "truth" / "A" / "surface.ply").string());
+  FitOptions options;
+  options.until = "local";
+  const auto fit = [&](const std::vector<std::string>& ids, int* rounds) {
+    const FitResult result = Fit(capture, {"A"}, ids, options, nullptr);
+    EXPECT_EQ(result.stages.back().stage, "local");
+    *rounds = result.stages.back().figures["rounds"].get<int>();
+    return CompareSurfaces(
+               PosedMesh(result.body, result.poses[0].vertices_in_world),
+               surface,
+               10000,
+               1)
+        .mean;
+  };
+  const std::vector<std::string> all = CameraIds(capture);
+  const std::vector<std::string> ring = {all[0], all[2], all[4], all[6]};
+  int rounds = 0;
+  fit(all, &rounds);
+  EXPECT_EQ(rounds, options.local.rounds);
+  const double error = fit(ring, &rounds);
+  EXPECT_EQ(rounds, options.local.rounds_two_outlines);
+  EXPECT_LT(error, 0.008);
+  options.local.rounds_two_outlines = options.local.rounds;
+  EXPECT_GT(fit(ring, &rounds), 1.02 * error);
+}
+
 TEST(Fit, LocalModesRunSideBySide) {
   const TemporaryFolder folder;
   const Capture capture =

@@ -8,9 +8,8 @@
 #include <memory>
 #include <vector>
 
-#include "capture/render.h"
 #include "model/template.h"
-#include "tests/volume/capsule_person.h"
+#include "tests/solver/seen_mesh.h"
 
 namespace sweepfit {
 namespace {
@@ -26,22 +25,13 @@ class FourCameras : public ::testing::Test {
     Pose pose;
     pose.root_in_world = {0, 0.95, 0};
     const PosedBody posed = PoseForFit(template_, pose);
+    std::vector<Vector3d> places;
     for (const double azimuth : {0.4, 2.0, 3.5, 5.1}) {
-      View view;
-      view.camera =
-          testing::LookAt("camera",
-                          {3 * std::sin(azimuth), 1.3, 3 * std::cos(azimuth)},
-                          {0, 0.9, 0},
-                          600,
-                          500);
-      view.coverage = RenderCoverage(view.camera, posed.mesh);
-      view.image = cv::Mat3b(500, 500, cv::Vec3b(128, 128, 128));
-      view.signed_distance = SignedDistance(view.camera, view.coverage);
-      views_.push_back(view);
-      contours_.push_back(ObserveContour(view, 6));
+      places.emplace_back(3 * std::sin(azimuth), 1.3, 3 * std::cos(azimuth));
     }
+    seen_ = testing::SeeMesh(posed.mesh, places, 600, 500);
     hull_ = std::make_unique<Volume>(
-        BuildVisualHull(views_, {0.012}, nullptr, nullptr));
+        BuildVisualHull(seen_.views, {0.012}, nullptr, nullptr));
     truth_ = ForwardKinematics(template_.skeleton, pose);
     LandmarkResult result;
     for (int j = 0; j < kNumJoints; ++j) {
@@ -83,7 +73,7 @@ class FourCameras : public ::testing::Test {
   // The fit before and after its limbs were tried again.
   void Run() {
     const std::vector<PoseEvidence> evidence = {
-        {&views_, &contours_, hull_.get(), &landmarks_[0]}};
+        {&seen_.views, &seen_.contours, hull_.get(), &landmarks_[0]}};
     fit_.body = template_;
     fit_.joints = EstimateJoints(
         landmarks_, template_.skeleton, kStature, {}, &fit_.summary);
@@ -96,8 +86,7 @@ class FourCameras : public ::testing::Test {
 
   Body template_;
   JointFrames truth_;
-  std::vector<View> views_;
-  std::vector<ObservedContour> contours_;
+  testing::SeenMesh seen_;
   std::unique_ptr<Volume> hull_;
   std::vector<LandmarkResult> landmarks_;
   JointResult before_;

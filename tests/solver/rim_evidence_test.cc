@@ -5,23 +5,13 @@
 
 #include <vector>
 
-#include "capture/render.h"
 #include "model/template.h"
-#include "tests/volume/capsule_person.h"
+#include "tests/solver/seen_mesh.h"
 
 namespace sweepfit {
 namespace {
 
 using Eigen::Vector3d;
-
-std::vector<View> Stand(const std::vector<Vector3d>& places) {
-  std::vector<View> views;
-  for (const Vector3d& place : places) {
-    views.emplace_back().camera =
-        testing::LookAt("camera", place, {0, 0.9, 0}, 1000, 900);
-  }
-  return views;
-}
 
 // A standing body and its own silhouette.
 class OwnOutline : public ::testing::Test {
@@ -34,16 +24,15 @@ class OwnOutline : public ::testing::Test {
 
   RimEvidence Look(const std::vector<Vector3d>& from,
                    const OutlineOptions& options = {}) const {
-    std::vector<View> views = Stand(from);
-    std::vector<ObservedContour> contours;
-    constexpr double kSpacing = 4, kMaxDistance = 20;  // pixels
-    for (View& view : views) {
-      view.coverage = RenderCoverage(view.camera, posed_.mesh);
-      view.signed_distance = SignedDistance(view.camera, view.coverage);
-      contours.push_back(ObserveContour(view, kSpacing));
-    }
-    return GatherRimEvidence(
-        posed_, body_.topology.quads, views, contours, kMaxDistance, options);
+    constexpr double kMaxDistance = 20;  // pixels
+    const testing::SeenMesh seen =
+        testing::SeeMesh(posed_.mesh, from, 1000, 900);
+    return GatherRimEvidence(posed_,
+                             body_.topology.quads,
+                             seen.views,
+                             seen.contours,
+                             kMaxDistance,
+                             options);
   }
 
   bool IsLowerLeg(int vertex) const {
@@ -91,6 +80,15 @@ TEST_F(OwnOutline, OppositeCamerasShareTheOutlineOfLegsSideBySide) {
   EXPECT_GT(LegShare(Look({kLeft, kFront})), 0.99);
   // As asked for.
   EXPECT_GT(LegShare(Look({kLeft, kRight}, {.rival_weight = 1})), 0.99);
+}
+
+std::vector<View> Stand(const std::vector<Vector3d>& places) {
+  std::vector<View> views;
+  for (const Vector3d& place : places) {
+    views.emplace_back().camera =
+        testing::LookAt("camera", place, {0, 0.9, 0}, 1000, 900);
+  }
+  return views;
 }
 
 TEST(Outlines, OppositeViewsSeeOne) {

@@ -6,9 +6,8 @@
 #include <cmath>
 #include <vector>
 
-#include "capture/render.h"
 #include "model/template.h"
-#include "tests/volume/capsule_person.h"
+#include "tests/solver/seen_mesh.h"
 
 namespace sweepfit {
 namespace {
@@ -21,20 +20,11 @@ class FrontAndBack : public ::testing::Test {
   FrontAndBack() : body_(BuildTemplate({.stature = 1.7})) {
     truth_.root_in_world = {0, 0.95, 0};
     const PosedBody posed = PoseForFit(body_, truth_);
-    for (const double z : {3.0, -3.0}) {
-      View view;
-      view.camera = testing::LookAt(
-          z > 0 ? "front" : "back", {0, 0.9, z}, {0, 0.9, 0}, 400, 300);
-      view.coverage = RenderCoverage(view.camera, posed.mesh);
-      view.image = cv::Mat3b(300, 300, cv::Vec3b(128, 128, 128));
-      view.signed_distance = SignedDistance(view.camera, view.coverage);
-      views_.push_back(view);
-      contours_.push_back(ObserveContour(view, 6));
-    }
+    seen_ = testing::SeeMesh(posed.mesh, {{0, 0.9, 3}, {0, 0.9, -3}}, 400, 300);
     hull_ = std::make_unique<Volume>(
-        BuildVisualHull(views_, {0.02}, nullptr, nullptr));
-    photo_ =
-        std::make_unique<PhotoEvidence>(views_, *hull_, PhotoEvidenceOptions());
+        BuildVisualHull(seen_.views, {0.02}, nullptr, nullptr));
+    photo_ = std::make_unique<PhotoEvidence>(
+        seen_.views, *hull_, PhotoEvidenceOptions());
     for (int v = 0; v < body_.num_vertices(); v += 7) {
       points_.push_back({v, posed.mesh.vertices[v], posed.normals[v], 0.0015});
     }
@@ -59,24 +49,26 @@ class FrontAndBack : public ::testing::Test {
     joints.poses = {estimate};
     JointOptions options;
     options.weights.photo = weight;
-    EXPECT_TRUE(SolvePerson(
-        {{&views_, &contours_, hull_.get(), &landmarks_, photo_.get()}},
-        {0.004, 20, 10, 3},
-        pictures,
-        options,
-        nullptr,
-        nullptr,
-        &body,
-        &joints,
-        nullptr));
+    EXPECT_TRUE(SolvePerson({{&seen_.views,
+                              &seen_.contours,
+                              hull_.get(),
+                              &landmarks_,
+                              photo_.get()}},
+                            {0.004, 20, 10, 3},
+                            pictures,
+                            options,
+                            nullptr,
+                            nullptr,
+                            &body,
+                            &joints,
+                            nullptr));
     return std::abs(joints.poses[0].pose.root_in_world.z() -
                     truth_.root_in_world.z());
   }
 
   Body body_;
   Pose truth_;
-  std::vector<View> views_;
-  std::vector<ObservedContour> contours_;
+  testing::SeenMesh seen_;
   std::unique_ptr<Volume> hull_;
   std::unique_ptr<PhotoEvidence> photo_;
   LandmarkResult landmarks_;
