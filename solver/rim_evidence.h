@@ -75,9 +75,9 @@ std::vector<bool> HaveOpposite(const std::vector<View>& views);
 int NumOutlines(const std::vector<View>& views);
 
 struct OutlineOptions {
-  // What a rim counts beside which another part's runs, where a view opposite
-  // sees the same outline: it is that of one of them, of the other in the view
-  // opposite.
+  // Weight of a rim that runs beside another part's, in views with an opposite
+  // one: the outline is that of one of the two parts, and the opposite view
+  // sees it with the other one in front.
   double rival_weight = 0.2;
   std::optional<std::string> Check() const;
 };
