@@ -488,16 +488,6 @@ std::vector<View> Segment(const Capture& capture,
   return views;
 }
 
-cv::Rect BoxAround(const cv::Mat1b& mask, int margin) {
-  const cv::Rect box = cv::boundingRect(mask);
-  if (box.empty()) return {};
-  const cv::Rect grown(box.x - margin,
-                       box.y - margin,
-                       box.width + 2 * margin,
-                       box.height + 2 * margin);
-  return grown & cv::Rect({0, 0}, mask.size());
-}
-
 std::optional<View> SegmentOne(const Capture& capture,
                                const CapturePose& pose,
                                const std::string& camera_id,
@@ -508,6 +498,16 @@ std::optional<View> SegmentOne(const Capture& capture,
       SegmentUsable(capture, pose, {camera_id}, options, progress, summary);
   if (views.empty()) return std::nullopt;
   return std::move(views.front());
+}
+
+cv::Rect BoxAround(const cv::Mat1b& mask, int margin) {
+  const cv::Rect box = cv::boundingRect(mask);
+  if (box.empty()) return {};
+  const cv::Rect grown(box.x - margin,
+                       box.y - margin,
+                       box.width + 2 * margin,
+                       box.height + 2 * margin);
+  return grown & cv::Rect({0, 0}, mask.size());
 }
 
 }  // namespace sweepfit

@@ -392,6 +392,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
     };
     const int rounds = NumRounds(evidence, options);
     summary->figures["rounds"] = rounds;
+    const bool by_pictures = evidence.front().photo != nullptr;
     for (int round = 0; round < rounds; ++round) {
       const bool first = round == 0, last = round + 1 == rounds;
       // Outlines first: photographs are matched about what nearly fits.
@@ -404,9 +405,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
                                   kPhotoStep,
                                   wide ? kInnerReach : kInnerReachLast});
         // What the turn of a limb explains, the radii shall not.
-        if (evidence.front().photo != nullptr) {
-          solve_pose(last ? &person_report : nullptr);
-        }
+        if (by_pictures) solve_pose(last ? &person_report : nullptr);
       }
       report = SolveRadii(evidence,
                           options,
@@ -420,8 +419,8 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
         summary->figures["rim_error_start_mm"] = report["rim_error_start_mm"];
       }
       // With better radii the outline says more about the pose.
-      const int left = rounds - 1 - round;
-      if (left > 0) solve_pose(left == 1 ? &person_report : nullptr);
+      const bool is_reported = round + 2 == rounds && !by_pictures;
+      if (!last) solve_pose(is_reported ? &person_report : nullptr);
     }
     summary->figures["radii"] = report;
     summary->figures["pose"] = person_report;

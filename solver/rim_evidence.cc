@@ -299,13 +299,10 @@ std::vector<bool> HaveOpposite(const std::vector<View>& views) {
 }
 
 int NumOutlines(const std::vector<View>& views) {
-  int count = 0;
-  for (auto view = views.begin(); view != views.end(); ++view) {
-    count += std::none_of(views.begin(), view, [&](const View& earlier) {
-      return AreOpposite(*view, earlier);
-    });
-  }
-  return count;
+  const std::vector<bool> has_opposite = HaveOpposite(views);
+  const auto num_opposite =
+      std::count(has_opposite.begin(), has_opposite.end(), true);
+  return static_cast<int>(views.size()) - static_cast<int>(num_opposite / 2);
 }
 
 std::optional<std::string> OutlineOptions::Check() const {

@@ -71,7 +71,7 @@ std::vector<int> ContourGenerator(const PosedBody& body,
 
 // True for views that stand opposite another one: these two see one outline.
 std::vector<bool> HaveOpposite(const std::vector<View>& views);
-// Outlines that differ: views opposite each other count once.
+// Outlines that differ: two views opposite each other count once.
 int NumOutlines(const std::vector<View>& views);
 
 struct OutlineOptions {

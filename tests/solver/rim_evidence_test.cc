@@ -98,6 +98,10 @@ TEST(Outlines, OppositeViewsSeeOne) {
   EXPECT_EQ(NumOutlines(Stand({kFront, kBack})), 1);
   EXPECT_EQ(NumOutlines(Stand({kLeft, kFront, kRight, kBack})), 2);
   EXPECT_EQ(NumOutlines(Stand({kFront, kHalfLeft, kLeft, kRight})), 3);
+  // In whatever order.
+  const Vector3d kBesideFront(0.3, 1.2, kFar);
+  EXPECT_EQ(NumOutlines(Stand({kFront, kBesideFront, kBack})), 2);
+  EXPECT_EQ(NumOutlines(Stand({kFront, kBack, kBesideFront})), 2);
   // From above there is no side.
   EXPECT_EQ(NumOutlines(Stand({kFront, kAbove, kBack})), 2);
   EXPECT_EQ(HaveOpposite(Stand({kFront, kHalfLeft, kBack})),
