@@ -18,11 +18,11 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 // Smoothing before matching, pixels, and the share of the standard deviation of
-// white noise that it leaves.
+// white noise that it and bilinear sampling between pixels leave.
 constexpr double kSmoothing = 0.6;
-constexpr double kNoiseLeft = 0.5;
-// Rounding to 8 bit alone makes this much noise, CIELAB L.
-constexpr double kLeastNoise = 0.15;
+constexpr double kNoiseLeft = 0.4;
+// Rounding to 8 bit alone leaves this much noise, CIELAB L.
+constexpr double kLeastNoise = 0.05;
 
 // CIELAB L of a part of the picture.
 cv::Mat1f Lightness(const cv::Mat3b& image, const cv::Rect& part) {
@@ -181,6 +181,7 @@ bool PatchMatcher::SamplePatch(const Picture& picture,
                                const Vector3d& center_in_world,
                                const Vector3d& step_a,
                                const Vector3d& step_b,
+                               double slope,
                                Eigen::ArrayXf* patch) const {
   const Camera& camera = picture.camera;
   const Vector3d in_camera = camera.PointInCamera(center_in_world);
@@ -231,10 +232,11 @@ bool PatchMatcher::SamplePatch(const Picture& picture,
     values[t] = upper + fy * (lower - upper);
   }
   values -= (tap_weight_ * values).sum();
-  if (options_.remove_slope) {
+  if (slope < 1) {
     // The taps are symmetric: the two slopes do not depend on each other.
-    const float slope_a = (tap_weight_ * tap_a_ * values).sum() / tap_spread_;
-    const float slope_b = (tap_weight_ * tap_b_ * values).sum() / tap_spread_;
+    const float away = static_cast<float>(1 - slope) / tap_spread_;
+    const float slope_a = away * (tap_weight_ * tap_a_ * values).sum();
+    const float slope_b = away * (tap_weight_ * tap_b_ * values).sum();
     values -= slope_a * tap_a_ + slope_b * tap_b_;
   }
   const double variance = (tap_weight_ * values.square()).sum();
@@ -253,13 +255,19 @@ std::vector<float> PatchMatcher::Evidence(
   if (views.size() < 2) return evidence;
   const Vector3d step_a = options_.spacing * unit_normal.unitOrthogonal();
   const Vector3d step_b = unit_normal.cross(step_a);
+  const double slope =
+      views.size() > 2 ? options_.slope : options_.slope_two_views;
   std::vector<Eigen::ArrayXf> patches(views.size());
   for (size_t k = 0; k < depths.size(); ++k) {
     const Vector3d center = point_in_world - depths[k] * unit_normal;
     size_t count = 0;
     for (const int view : views) {
-      if (SamplePatch(
-              pictures_[view], center, step_a, step_b, &patches[count])) {
+      if (SamplePatch(pictures_[view],
+                      center,
+                      step_a,
+                      step_b,
+                      slope,
+                      &patches[count])) {
         ++count;
       }
     }

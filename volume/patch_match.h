@@ -16,8 +16,11 @@ struct PatchOptions {
   double min_facing = 0.35;   // cosine to the normal
   int max_views = 6;          // the most frontal ones
   double effective_taps = 8;  // as many are independent of each other
-  // Slopes of lightness do not count: shading, which agrees nearly anywhere.
-  bool remove_slope = false;
+  // How far a patch's slope of lightness counts, 0 to 1. It is texture and
+  // shading; shading agrees nearly anywhere. Where only two views see a patch
+  // it is missed more.
+  double slope = 1;
+  double slope_two_views = 1;
 };
 
 // Instead of evidence: the pictures cannot say. Evidence itself is >= 0.
@@ -64,6 +67,7 @@ class PatchMatcher {
                    const Eigen::Vector3d& center_in_world,
                    const Eigen::Vector3d& step_a,
                    const Eigen::Vector3d& step_b,
+                   double slope,
                    Eigen::ArrayXf* patch) const;
 
   PatchOptions options_;
