@@ -34,74 +34,80 @@ NearBody BodyFromHull(const Volume& hull) {
   return body;
 }
 
-TEST(PhotoEvidence, FindsTheSurfaceThatNoOutlineShows) {
-  const std::vector<Capsule> truth = Valley();
-  const std::vector<View> views =
-      testing::PaintRing(truth, {0, 0.75, 0}, 12, 480, 45);
-  const Volume hull = BuildVisualHull(views, {0.008}, nullptr, nullptr);
-  const NearBody body = BodyFromHull(hull);
-  const PhotoEvidence photo(views, hull, {});
-  const std::vector<PhotoPoint> points = photo.Match(
-      body.posed, RayScene(body.posed.mesh), body.quads, 0.03, 0.85);
-  EXPECT_GT(points.size(), body.posed.mesh.vertices.size() / 5);
-  double before = 0, after = 0;
-  for (const PhotoPoint& point : points) {
-    Vector3d normal;
-    const Vector3d& start = body.posed.mesh.vertices[point.vertex];
-    before += std::abs(CapsuleDistance(truth, start, &normal));
-    after += std::abs(CapsuleDistance(truth, point.point_in_world, &normal));
-    EXPECT_LE(hull.Sample(point.point_in_world), 0.51 * hull.voxel_size());
-    EXPECT_GE(point.sigma, photo.options().sigma);
-    EXPECT_LT((point.point_in_world - start).norm(), 0.034);
-  }
-  EXPECT_LT(after, 0.5 * before);
-}
-
-TEST(PhotoEvidence, SaysNothingOfPlainSurfaces) {
-  const std::vector<View> views =
-      testing::PaintRing(Valley(), {0, 0.75, 0}, 12, 480, 0);
-  const Volume hull = BuildVisualHull(views, {0.008}, nullptr, nullptr);
-  const NearBody body = BodyFromHull(hull);
-  const std::vector<PhotoPoint> points =
-      PhotoEvidence(views, hull, {})
-          .Match(body.posed, RayScene(body.posed.mesh), body.quads, 0.03, 0.85);
-  // Shading is hardly any texture.
-  EXPECT_LT(points.size(), body.posed.mesh.vertices.size() / 12);
-}
-
-// Of the points that a ring of four cameras finds about its hull of a capsule.
+// What the photographs of a ring of cameras find about their hull.
 struct Found {
-  double share = 0;              // of the hull's vertices
-  double before = 0, after = 0;  // mean distance from the capsule, metres
-};
-Found MatchRingOfFour(const PhotoEvidenceOptions& options) {
-  const std::vector<Capsule> truth = {{{0, 0.4, 0}, {0, 1.1, 0}, 0.12}};
-  const std::vector<View> views =
-      testing::PaintRing(truth, {0, 0.75, 0}, 4, 480, 45);
-  const Volume hull = BuildVisualHull(views, {0.008}, nullptr, nullptr);
-  const NearBody body = BodyFromHull(hull);
-  const std::vector<PhotoPoint> points =
-      PhotoEvidence(views, hull, options)
-          .Match(body.posed, RayScene(body.posed.mesh), body.quads, 0.05, 0.85);
-  const auto count = static_cast<double>(points.size());
-  Found found;
-  found.share = count / static_cast<double>(body.posed.mesh.vertices.size());
-  Vector3d normal;
-  for (const PhotoPoint& point : points) {
-    const Vector3d& start = body.posed.mesh.vertices[point.vertex];
-    found.before += std::abs(CapsuleDistance(truth, start, &normal)) / count;
-    found.after +=
-        std::abs(CapsuleDistance(truth, point.point_in_world, &normal)) / count;
+  Volume hull;
+  NearBody body;
+  std::vector<PhotoPoint> points;
+
+  double Share() const {  // of the vertices
+    return static_cast<double>(points.size()) /
+           static_cast<double>(body.posed.mesh.vertices.size());
   }
+};
+Found MatchRing(const std::vector<Capsule>& capsules,
+                int num_cameras,
+                double contrast,
+                double reach,
+                const PhotoEvidenceOptions& options) {
+  const std::vector<View> views =
+      testing::PaintRing(capsules, {0, 0.75, 0}, num_cameras, 480, contrast);
+  Found found{BuildVisualHull(views, {0.008}, nullptr, nullptr), {}, {}};
+  found.body = BodyFromHull(found.hull);
+  const PosedBody& posed = found.body.posed;
+  found.points =
+      PhotoEvidence(views, found.hull, options)
+          .Match(posed, RayScene(posed.mesh), found.body.quads, reach, 0.85);
   return found;
 }
 
+// Mean distance of the points from the capsules, metres.
+struct Errors {
+  double before = 0, after = 0;
+};
+Errors MeanErrors(const Found& found, const std::vector<Capsule>& capsules) {
+  Errors errors;
+  Vector3d normal;
+  const auto count = static_cast<double>(found.points.size());
+  for (const PhotoPoint& point : found.points) {
+    const Vector3d& start = found.body.posed.mesh.vertices[point.vertex];
+    errors.before +=
+        std::abs(CapsuleDistance(capsules, start, &normal)) / count;
+    errors.after +=
+        std::abs(CapsuleDistance(capsules, point.point_in_world, &normal)) /
+        count;
+  }
+  return errors;
+}
+
+TEST(PhotoEvidence, FindsTheSurfaceThatNoOutlineShows) {
+  const PhotoEvidenceOptions options;
+  const Found found = MatchRing(Valley(), 12, 45, 0.03, options);
+  EXPECT_GT(found.Share(), 0.2);
+  for (const PhotoPoint& point : found.points) {
+    const Vector3d& start = found.body.posed.mesh.vertices[point.vertex];
+    EXPECT_LE(found.hull.Sample(point.point_in_world),
+              0.51 * found.hull.voxel_size());
+    EXPECT_GE(point.sigma, options.sigma);
+    EXPECT_LT((point.point_in_world - start).norm(), 0.034);
+  }
+  const Errors errors = MeanErrors(found, Valley());
+  EXPECT_LT(errors.after, 0.5 * errors.before);
+}
+
+TEST(PhotoEvidence, SaysNothingOfPlainSurfaces) {
+  // Shading is hardly any texture.
+  EXPECT_LT(MatchRing(Valley(), 12, 0, 0.03, {}).Share(), 1.0 / 12);
+}
+
 TEST(PhotoEvidence, SlopesOfLightnessFindMoreWhereTwoCamerasSee) {
-  const Found with = MatchRingOfFour({});
-  const Found without = MatchRingOfFour({.slope_two_views = 0});
-  EXPECT_GT(with.share, 1.1 * without.share);
-  EXPECT_GT(with.before, 0.02);
-  EXPECT_LT(with.after, 0.002);
+  const std::vector<Capsule> trunk = {{{0, 0.4, 0}, {0, 1.1, 0}, 0.12}};
+  const Found with = MatchRing(trunk, 4, 45, 0.05, {});
+  const Found without = MatchRing(trunk, 4, 45, 0.05, {.slope_two_views = 0});
+  EXPECT_GT(with.Share(), 1.1 * without.Share());
+  const Errors errors = MeanErrors(with, trunk);
+  EXPECT_GT(errors.before, 0.02);
+  EXPECT_LT(errors.after, 0.002);
 }
 
 TEST(PhotoEvidence, OptionsAreChecked) {
