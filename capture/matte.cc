@@ -182,11 +182,8 @@ cv::Mat1f BoundaryCoverage(const cv::Mat3f& picture_linear,
                            const cv::Mat1b& mask) {
   constexpr int kMargin = 16;
   cv::Mat1f coverage(mask.size(), 0.f);
-  const cv::Rect box = cv::boundingRect(mask);
-  if (box.empty()) return coverage;
-  const cv::Rect crop =
-      (box + cv::Size(2 * kMargin, 2 * kMargin) - cv::Point(kMargin, kMargin)) &
-      cv::Rect({0, 0}, mask.size());
+  const cv::Rect crop = BoxAround(mask, kMargin);
+  if (crop.empty()) return coverage;
   Sharpen(Mix(picture_linear(crop), background_linear(crop), mask(crop)))
       .copyTo(coverage(crop));
   return coverage;
