@@ -43,7 +43,7 @@ struct RefineOptions {
   bool enabled = true;
   int rounds = 3;
   double sigma_rim = 0.0015;      // metres
-  double sigma_smooth = 0.0008;   // metres, a vertex against its neighbours
+  double sigma_smooth = 0.001;    // metres, a vertex against its neighbours
   double sigma_magnitude = 0.03;  // metres
   std::optional<std::string> Check() const;
 };

@@ -231,15 +231,17 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
 
   StandingBody standing = Stand(evidence, joints, *body, kRimReach);
   summary->figures["rim_error_start_mm"] = 1000 * standing.rim_error;
-  const std::vector<PictureMatches> pictures = MatchPictures(
-      evidence, joints, *body, {kPhotoReach, kPhotoStep, kInnerReach});
   size_t num_photo_points = 0, num_inner_points = 0;
-  for (const auto& of_pose : pictures) {
-    num_photo_points += of_pose.photo.size();
-    num_inner_points += of_pose.inner.size();
-  }
   int rounds = 0;
   for (; rounds < options.rounds; ++rounds) {
+    // Matched anew each time: patches lie flatter on a better surface.
+    const std::vector<PictureMatches> pictures = MatchPictures(
+        evidence, joints, *body, {kPhotoReach, kPhotoStep, kInnerReach});
+    num_photo_points = num_inner_points = 0;
+    for (const PictureMatches& of_pose : pictures) {
+      num_photo_points += of_pose.photo.size();
+      num_inner_points += of_pose.inner.size();
+    }
     OffsetSystem system(n);
     for (size_t p = 0; p < evidence.size(); ++p) {
       AddTargets(evidence[p],

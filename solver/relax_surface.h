@@ -15,9 +15,9 @@ struct RelaxedSurface {
 };
 
 // Undoes what the evidence tore: faces that look away from where they looked on
-// the reference, and edges several times as long. Around them vertices go to
-// where their neighbours want them, each neighbourhood keeping the shape it had
-// on the reference (its mean-value Laplacian), in ever wider regions. Changes
+// the reference, and edges several times as long. Their displacements and those
+// of their neighbours are tied to each other, more with every round that leaves
+// them torn, and so wider; the rest stays where it is. Changes
 // body->displacement_in_section only.
 //
 // reference_rest: vertices at rest of the same topology, metres, before radii
