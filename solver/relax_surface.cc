@@ -20,14 +20,14 @@ constexpr int kMaxRounds = 60;
 // the neighbours get.
 constexpr double kStiffness = 0.25;
 constexpr double kGrowth = 2;
-constexpr double kNeighbourShare = 0.3;
+constexpr double kNeighbourShare = 0.5;
 constexpr double kStiffest = 1e6;
 // Edges of this length are as stiff as their ends, shorter ones stiffer.
 constexpr double kSpacing = 0.010;      // metres
 constexpr double kShortestEdge = 1e-4;  // metres
-// A face has turned below this cosine to its normal on the reference: 60
+// A face has turned below this cosine to its normal on the reference: 45
 // degrees. One that stands nearly upright on the skin turns over in motion.
-constexpr double kMinCosine = 0.5;
+constexpr double kMinCosine = 0.7;
 // Edges longer than this many times that of the reference are torn.
 constexpr double kMaxStretch = 3.5;
 
