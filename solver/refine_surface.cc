@@ -27,8 +27,9 @@ constexpr double kThinShare = 0.015;
 
 constexpr double kRimReach = 15;  // pixels
 // The photographs are matched this far about the surface, metres, in steps of
-// so many pixels.
-constexpr double kPhotoReach = 0.008;
+// so many pixels; less far once the surface has moved there.
+constexpr double kPhotoReachFirst = 0.008;
+constexpr double kPhotoReach = 0.005;
 constexpr double kPhotoStep = 0.5;
 constexpr double kInnerReach = 0.010;
 
@@ -235,8 +236,13 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
   int rounds = 0;
   for (; rounds < options.rounds; ++rounds) {
     // Matched anew each time: patches lie flatter on a better surface.
-    const std::vector<PictureMatches> pictures = MatchPictures(
-        evidence, joints, *body, {kPhotoReach, kPhotoStep, kInnerReach});
+    const std::vector<PictureMatches> pictures =
+        MatchPictures(evidence,
+                      joints,
+                      *body,
+                      {rounds == 0 ? kPhotoReachFirst : kPhotoReach,
+                       kPhotoStep,
+                       kInnerReach});
     num_photo_points = num_inner_points = 0;
     for (const PictureMatches& of_pose : pictures) {
       num_photo_points += of_pose.photo.size();
