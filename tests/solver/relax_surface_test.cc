@@ -51,5 +51,31 @@ TEST(RelaxSurface, TakesSpikesBackAndOnlyThem) {
   EXPECT_LT(worst, 0.04);
 }
 
+// The hem of a jacket: the trunk stands out, the thighs do not.
+TEST(RelaxSurface, AStepStaysAStepBeyondItsEdge) {
+  Body body = BuildTemplate({});
+  const std::vector<Vector3d> reference = RestVertices(body);
+  constexpr double kHem = 0.1;  // metres above the root
+  std::vector<Vector3d> move(reference.size(), Vector3d::Zero());
+  for (size_t v = 0; v < move.size(); ++v) {
+    if (body.topology.part[v] != BodyPart::kTrunk) continue;
+    if (reference[v].y() < kHem) continue;
+    move[v] =
+        0.05 * Vector3d(reference[v].x(), 0, reference[v].z()).normalized();
+  }
+  DisplaceAtRest(move, &body);
+  const std::vector<Vector3d> before = RestVertices(body);
+  const RelaxedSurface relaxed = RelaxSurface(reference, &body);
+  EXPECT_EQ(relaxed.turned_faces_left, 0);
+  EXPECT_EQ(relaxed.long_edges_left, 0);
+  EXPECT_GT(relaxed.moved_vertices, 10);
+  const std::vector<Vector3d> after = RestVertices(body);
+  for (size_t v = 0; v < after.size(); ++v) {
+    const double from_edge = std::abs(reference[v].y() - kHem);
+    if (from_edge < 0.12 || reference[v].y() > 0.3) continue;
+    EXPECT_LT((after[v] - before[v]).norm(), 0.003) << v;
+  }
+}
+
 }  // namespace
 }  // namespace sweepfit
