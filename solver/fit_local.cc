@@ -44,7 +44,7 @@ constexpr double kInnerReachLast = 0.015;
 
 // The radii of every round but the last take one step: the rims are found anew
 // after it.
-constexpr int kMaxIterationsLast = 6;
+constexpr int kMaxIterationsLast = 2;
 
 // The feature weight (paper IV.B) where a vertex sits.
 double FeatureWeight(const Body& body, int vertex) {
