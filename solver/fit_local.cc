@@ -418,9 +418,11 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
       if (first) {
         summary->figures["rim_error_start_mm"] = report["rim_error_start_mm"];
       }
-      // With better radii the outline says more about the pose.
+      // With better radii the outline says more about the pose. Later rounds
+      // begin with it where there are pictures.
+      if (last || (by_pictures && !first)) continue;
       const bool is_reported = round + 2 == rounds && !by_pictures;
-      if (!last) solve_pose(is_reported ? &person_report : nullptr);
+      solve_pose(is_reported ? &person_report : nullptr);
     }
     summary->figures["radii"] = report;
     summary->figures["pose"] = person_report;
