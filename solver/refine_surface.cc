@@ -232,22 +232,16 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
 
   StandingBody standing = Stand(evidence, joints, *body, kRimReach);
   summary->figures["rim_error_start_mm"] = 1000 * standing.rim_error;
-  size_t num_photo_points = 0, num_inner_points = 0;
+  std::vector<PictureMatches> pictures;
   int rounds = 0;
   for (; rounds < options.rounds; ++rounds) {
     // Matched anew each time: patches lie flatter on a better surface.
-    const std::vector<PictureMatches> pictures =
-        MatchPictures(evidence,
-                      joints,
-                      *body,
-                      {rounds == 0 ? kPhotoReachFirst : kPhotoReach,
-                       kPhotoStep,
-                       kInnerReach});
-    num_photo_points = num_inner_points = 0;
-    for (const PictureMatches& of_pose : pictures) {
-      num_photo_points += of_pose.photo.size();
-      num_inner_points += of_pose.inner.size();
-    }
+    pictures = MatchPictures(evidence,
+                             joints,
+                             *body,
+                             {rounds == 0 ? kPhotoReachFirst : kPhotoReach,
+                              kPhotoStep,
+                              kInnerReach});
     OffsetSystem system(n);
     for (size_t p = 0; p < evidence.size(); ++p) {
       AddTargets(evidence[p],
@@ -264,6 +258,11 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
     if (!(moved.rim_error < standing.rim_error)) break;
     *body = std::move(candidate);
     standing = std::move(moved);
+  }
+  size_t num_photo_points = 0, num_inner_points = 0;
+  for (const PictureMatches& of_pose : pictures) {
+    num_photo_points += of_pose.photo.size();
+    num_inner_points += of_pose.inner.size();
   }
   double largest = 0;
   for (const Vector3d& d : body->displacement_in_section) {

@@ -145,15 +145,15 @@ class Relaxation {
 RelaxedSurface RelaxSurface(const std::vector<Vector3d>& reference_rest,
                             Body* body) {
   const Relaxation relaxation(body->topology, reference_rest);
-  const std::vector<Vector3d> before = RestVertices(*body);
-  const size_t n = before.size();
-  std::vector<Vector3d> start(n);
-  for (size_t v = 0; v < n; ++v) start[v] = before[v] - reference_rest[v];
+  std::vector<Vector3d> start = RestVertices(*body);
+  const size_t n = start.size();
+  for (size_t v = 0; v < n; ++v) start[v] -= reference_rest[v];
   std::vector<Vector3d> displacement = start;
   std::vector<double> stiffness(n, 0.0);
   RelaxedSurface result;
-  std::vector<Vector3d> x = before;
+  std::vector<Vector3d> x(n);
   for (int round = 0;; ++round) {
+    for (size_t v = 0; v < n; ++v) x[v] = reference_rest[v] + displacement[v];
     const std::vector<bool> torn = relaxation.FindTorn(x, &result);
     if (result.turned_faces_left + result.long_edges_left == 0 ||
         round == kMaxRounds) {
@@ -161,7 +161,6 @@ RelaxedSurface RelaxSurface(const std::vector<Vector3d>& reference_rest,
     }
     relaxation.Stiffen(torn, &stiffness);
     displacement = relaxation.Solve(start, stiffness);
-    for (size_t v = 0; v < n; ++v) x[v] = reference_rest[v] + displacement[v];
   }
   std::vector<Vector3d> move(n);
   for (size_t v = 0; v < n; ++v) {
