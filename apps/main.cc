@@ -4,14 +4,11 @@
 // bad input.
 #include <glog/logging.h>
 #include <malloc.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <cstdlib>
 #include <functional>
 #include <opencv2/core/utils/logger.hpp>
-#include <string_view>
 
 #include "apps/runtime.h"
 #include "apps/verbs.h"
@@ -28,16 +25,6 @@ constexpr int kBadInput = 2;
 int Report(const std::string& text, int status) {
   std::fprintf(stderr, "sweepfit: error: %s\n", OneLine(text).c_str());
   return status;
-}
-
-// The sparse solvers use OpenMP, whose results depend on the number of threads.
-// It reads its environment before main, so the program starts itself anew.
-void UseOneOpenMpThread(char** argv) {
-  const char* threads = std::getenv("OMP_NUM_THREADS");
-  if (threads != nullptr && std::string_view(threads) == "1") return;
-  setenv("OMP_NUM_THREADS", "1", 1);
-  execv("/proc/self/exe", argv);
-  // Without /proc the run goes on; only repeatability is at stake.
 }
 
 // Pictures and matrices of megabytes come and go all the time. Given back to
@@ -114,7 +101,6 @@ int Run(int argc, char** argv) {
 }  // namespace sweepfit
 
 int main(int argc, char** argv) {
-  sweepfit::UseOneOpenMpThread(argv);
   sweepfit::KeepFreedMemory();
   sweepfit::SilenceLibraries(argv[0]);
   return sweepfit::Run(argc, argv);

@@ -2,6 +2,7 @@
 #include "model/body.h"
 
 #include <glog/logging.h>
+#include <tbb/parallel_for.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -234,9 +235,9 @@ std::vector<SweepAxis> MakeAxes(const Body& body, const JointFrames& frames) {
 std::vector<Eigen::Vector3d> RestVertices(const Body& body) {
   const std::vector<SweepAxis> axes = MakeAxes(body, RestFrames(body.skeleton));
   std::vector<Eigen::Vector3d> vertices(body.num_vertices());
-  for (int v = 0; v < body.num_vertices(); ++v) {
+  tbb::parallel_for(0, body.num_vertices(), [&](int v) {
     vertices[v] = RestVertex(body, axes, v);
-  }
+  });
   return vertices;
 }
 
@@ -295,30 +296,28 @@ struct BodyDeformer::Impl {
   explicit Impl(const Body& b)
       : body(b),
         rest_axes(MakeAxes(b, RestFrames(b.skeleton))),
-        rest_vertices(b.num_vertices()),
-        first(b.num_vertices() + 1) {
+        rest_vertices(RestVertices(b)),
+        attached(b.num_vertices()) {
     zones.reserve(body.sweeps.size());
     for (std::size_t s = 0; s < body.sweeps.size(); ++s) {
       zones.emplace_back(body.sweeps[s], rest_axes[s]);
     }
-    for (int v = 0; v < body.num_vertices(); ++v) {
-      rest_vertices[v] = RestVertex(body, rest_axes, v);
-    }
     const std::vector<double> skull = SkullShare(body, rest_vertices);
-    for (int v = 0; v < body.num_vertices(); ++v) {
-      first[v] = static_cast<int>(attached.size());
-      for (const SweepAttachment& a : body.binding[v].attachment) {
-        if (a.sweep < 0) break;
-        const Sweep& sweep = body.sweeps[a.sweep];
-        const double share = sweep.chain.back() == kHeadEnd ? skull[v] : 0;
-        if (share < 1) AddAttached(v, a.sweep, (1 - share) * a.weight, a.u);
-        if (share > 0) {
-          AddAttached(v, a.sweep, share * a.weight, SkullParameter(sweep, a.u));
-        }
+    tbb::parallel_for(
+        0, body.num_vertices(), [&](int v) { AttachVertex(v, skull[v]); });
+    unfolder.emplace(body.topology.quads, rest_vertices);
+  }
+
+  void AttachVertex(int v, double skull_share) {
+    for (const SweepAttachment& a : body.binding[v].attachment) {
+      if (a.sweep < 0) break;
+      const Sweep& sweep = body.sweeps[a.sweep];
+      const double share = sweep.chain.back() == kHeadEnd ? skull_share : 0;
+      if (share < 1) AddAttached(v, a.sweep, (1 - share) * a.weight, a.u);
+      if (share > 0) {
+        AddAttached(v, a.sweep, share * a.weight, SkullParameter(sweep, a.u));
       }
     }
-    first[body.num_vertices()] = static_cast<int>(attached.size());
-    unfolder.emplace(body.topology.quads, rest_vertices);
   }
 
   void AddAttached(int v, int sweep, double weight, double u) {
@@ -336,7 +335,7 @@ struct BodyDeformer::Impl {
                                 section.world_from_section,
                                 at.offset,
                                 at.point_in_section.head<2>() - at.offset);
-    attached.push_back(at);
+    attached[v].push_back(at);
   }
 
   // A vertex on a section that moves it.
@@ -362,12 +361,10 @@ struct BodyDeformer::Impl {
     for (std::size_t s = 0; s < axes.size(); ++s) {
       shapes.emplace_back(zones[s], axes[s]);
     }
-    for (int v = 0; v < body.num_vertices(); ++v) {
+    tbb::parallel_for(0, body.num_vertices(), [&](int v) {
       MotionBlend blend;
       Eigen::Vector3d change_in_world = Eigen::Vector3d::Zero();
-      const int count = first[v + 1] - first[v];
-      for (int i = first[v]; i < first[v + 1]; ++i) {
-        const Attached& at = attached[i];
+      for (const Attached& at : attached[v]) {
         const SectionFrame posed = axes[at.sweep].OnAxis(at.u);
         const Eigen::Matrix3d& frame = posed.world_from_section;
         const Eigen::Vector2d change =
@@ -380,23 +377,22 @@ struct BodyDeformer::Impl {
             frame * at.world_from_section_at_rest.transpose();
         const Eigen::Vector3d moved =
             posed.center_in_world + frame * at.point_in_section;
-        if (count == 1) {
+        if (attached[v].size() == 1) {
           (*rotations)[v] = rotation;
           (*vertices)[v] = moved + frame.leftCols<2>() * change;
-          break;
+          return;
         }
         change_in_world +=
             at.weight * (frame.leftCols<2>() * change + kLinearShare * moved);
         blend.Add(at.weight, {rotation, moved - rotation * rest_vertices[v]});
       }
-      if (count == 1) continue;
       const RigidMotion motion = blend.Normalized();
       (*rotations)[v] = motion.rotation;
       (*vertices)[v] =
           (1 - kLinearShare) *
               (motion.rotation * rest_vertices[v] + motion.translation) +
           change_in_world;
-    }
+    });
     unfolder->Apply(*rotations, vertices);
   }
 
@@ -404,8 +400,7 @@ struct BodyDeformer::Impl {
   std::vector<SweepAxis> rest_axes;
   std::vector<BendZones> zones;
   std::vector<Eigen::Vector3d> rest_vertices;
-  std::vector<int> first;  // per vertex: its first entry in `attached`
-  std::vector<Attached> attached;
+  std::vector<std::vector<Attached>> attached;  // per vertex
   std::optional<Unfolder> unfolder;
 };
 
@@ -454,9 +449,9 @@ RestDerivative RestByLogRatio(const Body& body, int vertex) {
 std::vector<RestDerivative> RestByLogRatio(const Body& body) {
   const std::vector<SweepAxis> axes = MakeAxes(body, RestFrames(body.skeleton));
   std::vector<RestDerivative> derivatives(body.num_vertices());
-  for (int v = 0; v < body.num_vertices(); ++v) {
+  tbb::parallel_for(0, body.num_vertices(), [&](int v) {
     derivatives[v] = DerivativeOfVertex(body, axes, v);
-  }
+  });
   return derivatives;
 }
 

@@ -81,11 +81,6 @@ int LengthGroup(int joint) {
 
 int LengthGroupJoint(int group) { return kGroupJoints[group]; }
 
-bool IsDescendant(int joint, int ancestor) {
-  while (joint > ancestor) joint = kJointParents[joint];
-  return joint == ancestor;
-}
-
 JointAngles::JointAngles(const Skeleton& skeleton) {
   const auto& rest = skeleton.rest_direction;
   const auto add = [&](const std::string& name,
@@ -249,73 +244,114 @@ KinematicState EvaluateKinematics(const Skeleton& skeleton,
   return state;
 }
 
+PosedPoint::PosedPoint(const CarriedPoint& point,
+                       const std::array<Vector3d, 4>& point_in_joint,
+                       const KinematicState& state,
+                       const std::array<double, kNumJoints>& length_change)
+    : point_(point), state_(state), length_change_(length_change) {
+  const JointFrames& frames = state.frames;
+  point_in_world_.setZero();
+  // The state has the current lengths in its joint positions; the stretch terms
+  // say how this point follows a change, so the joints' own share is undone.
+  for (const auto& [bone, g] : point.stretch) share_[bone] += g;
+  for (int b = 0; b < 4; ++b) {
+    const double w = point.weight[b];
+    if (w == 0) continue;
+    for (int j = point.joint[b]; j > 0; j = kJointParents[j]) share_[j] -= w;
+    carried_in_world_[b] =
+        frames.joint_in_world[point.joint[b]] +
+        frames.world_from_joint[point.joint[b]] * point_in_joint[b];
+    point_in_world_ += w * carried_in_world_[b];
+  }
+  for (int j = 1; j < kNumJoints; ++j) {
+    if (share_[j] == 0) continue;
+    point_in_world_ +=
+        share_[j] * length_change[j] * state.bone_direction_in_world[j];
+  }
+}
+
+void PosedPoint::ByPose(const Vector3d& gradient,
+                        const JointAngles& angles,
+                        double* by_pose) const {
+  const JointFrames& frames = state_.frames;
+  // Per joint what its rotation turns: a weight, and weighted positions.
+  std::array<double, kNumJoints> weight{};
+  std::array<Vector3d, kNumJoints> turned;
+  turned.fill(Vector3d::Zero());
+  double total = 0;
+  for (int b = 0; b < 4; ++b) {
+    if (point_.weight[b] == 0) continue;
+    total += point_.weight[b];
+    const Vector3d moved = point_.weight[b] * carried_in_world_[b];
+    for (int j = point_.joint[b]; j >= 0; j = kJointParents[j]) {
+      weight[j] += point_.weight[b];
+      turned[j] += moved;
+    }
+  }
+  // A joint's rotation turns the bones that start in it and beyond.
+  std::array<Vector3d, kNumJoints> stretched;
+  for (int bone = 1; bone < kNumJoints; ++bone) {
+    if (share_[bone] == 0) continue;
+    stretched[bone] = share_[bone] * length_change_[bone] *
+                      state_.bone_direction_in_world[bone];
+    for (int j = kJointParents[bone]; j >= 0; j = kJointParents[j]) {
+      turned[j] += stretched[bone];
+    }
+  }
+  std::array<Vector3d, kNumJoints> torque;
+  for (int j = 0; j < kNumJoints; ++j) {
+    torque[j] =
+        (turned[j] - weight[j] * frames.joint_in_world[j]).cross(gradient);
+  }
+  Eigen::Map<Vector3d> by_root(by_pose);
+  by_root = total * gradient;
+  for (size_t i = 0; i < angles.angles().size(); ++i) {
+    const JointAngle& angle = angles.angles()[i];
+    const int j = angle.joint;
+    const Vector3d& axis = state_.axis_in_world[i];
+    if (angle.kind != JointAngle::Kind::kCollar) {
+      by_pose[3 + i] = axis.dot(torque[j]);
+      continue;
+    }
+    // A collar turns its own bone only, and shifts what lies beyond.
+    Vector3d moved =
+        weight[j] * (frames.joint_in_world[j] -
+                     frames.joint_in_world[std::max(0, kJointParents[j])]);
+    if (share_[j] != 0) moved += stretched[j];
+    by_pose[3 + i] = axis.dot(moved.cross(gradient));
+  }
+}
+
+std::array<double, kNumJoints> PosedPoint::ByLength(
+    const Vector3d& gradient) const {
+  std::array<double, kNumJoints> by_length{};
+  for (const auto& [bone, g] : point_.stretch) {
+    by_length[bone] += g * gradient.dot(state_.bone_direction_in_world[bone]);
+  }
+  return by_length;
+}
+
 PointDerivative EvaluatePoint(
     const CarriedPoint& point,
     const KinematicState& state,
     const JointAngles& angles,
     const std::array<double, kNumJoints>& length_change,
     bool with_derivative) {
-  const auto& frames = state.frames;
-  // The state has the current lengths in its joint positions; the stretch terms
-  // say how this point follows a change, so the joints' own share is undone.
-  std::array<Vector3d, 4> carried;
+  const PosedPoint posed(point, point.point_in_joint, state, length_change);
   PointDerivative result;
-  result.point_in_world.setZero();
-  std::array<double, kNumJoints> share{};
-  for (const auto& [bone, g] : point.stretch) share[bone] += g;
-  for (int b = 0; b < 4; ++b) {
-    const double w = point.weight[b];
-    if (w == 0) continue;
-    for (int j = point.joint[b]; j > 0; j = kJointParents[j]) share[j] -= w;
-    carried[b] =
-        frames.joint_in_world[point.joint[b]] +
-        frames.world_from_joint[point.joint[b]] * point.point_in_joint[b];
-    result.point_in_world += w * carried[b];
-  }
-  for (int j = 1; j < kNumJoints; ++j) {
-    if (share[j] == 0) continue;
-    result.point_in_world +=
-        share[j] * length_change[j] * state.bone_direction_in_world[j];
-  }
+  result.point_in_world = posed.in_world();
   if (!with_derivative) return result;
-
-  result.by_pose = Eigen::Matrix3Xd::Zero(3, angles.num_parameters());
-  result.by_pose.leftCols<3>().setIdentity();
-  double total = 0;
-  for (int b = 0; b < 4; ++b) total += point.weight[b];
-  result.by_pose.leftCols<3>() *= total;
-  for (size_t i = 0; i < angles.angles().size(); ++i) {
-    const JointAngle& angle = angles.angles()[i];
-    const Vector3d& axis = state.axis_in_world[i];
-    const bool collar = angle.kind == JointAngle::Kind::kCollar;
-    const Vector3d bone =
-        frames.joint_in_world[angle.joint] -
-        frames.joint_in_world[std::max(0, kJointParents[angle.joint])];
-    Vector3d moved = Vector3d::Zero();  // what is crossed with the axis
-    for (int b = 0; b < 4; ++b) {
-      if (point.weight[b] == 0 || !IsDescendant(point.joint[b], angle.joint)) {
-        continue;
-      }
-      moved +=
-          point.weight[b] *
-          (collar ? bone
-                  : Vector3d(carried[b] - frames.joint_in_world[angle.joint]));
-    }
-    for (int j = 1; j < kNumJoints; ++j) {
-      if (share[j] == 0) continue;
-      // A joint's rotation turns the bones that start in it and beyond; a
-      // collar turns its own bone only.
-      const bool turns = collar ? j == angle.joint
-                                : IsDescendant(kJointParents[j], angle.joint);
-      if (turns) {
-        moved += share[j] * length_change[j] * state.bone_direction_in_world[j];
-      }
-    }
-    result.by_pose.col(3 + i) = axis.cross(moved);
-  }
-  result.by_length.setZero();
-  for (const auto& [bone, g] : point.stretch) {
-    result.by_length.col(bone) += g * state.bone_direction_in_world[bone];
+  result.by_pose.resize(3, angles.num_parameters());
+  std::vector<double> by_pose(angles.num_parameters());
+  for (int row = 0; row < 3; ++row) {
+    const Vector3d unit = Vector3d::Unit(row);
+    posed.ByPose(unit, angles, by_pose.data());
+    result.by_pose.row(row) = Eigen::Map<const Eigen::RowVectorXd>(
+        by_pose.data(), angles.num_parameters());
+    const std::array<double, kNumJoints> by_length = posed.ByLength(unit);
+    result.by_length.row(row) =
+        Eigen::Map<const Eigen::Matrix<double, 1, kNumJoints>>(
+            by_length.data());
   }
   return result;
 }

@@ -67,9 +67,6 @@ KinematicState EvaluateKinematics(const Skeleton& skeleton,
                                   const JointAngles& angles,
                                   const double* parameters);
 
-// True when `joint` is `ancestor` or lies beyond it.
-bool IsDescendant(int joint, int ancestor);
-
 // A point of the body that moves with the skeleton:
 //   x = sum_b w_b (x_b + R_b p_b) + sum_c g_c (l_c - l0_c) d_c
 // with joints b that carry it (as in linear blend skinning), bones c whose
@@ -82,8 +79,38 @@ struct CarriedPoint {
   std::vector<std::pair<int, double>> stretch;  // (joint that ends bone c, g_c)
 };
 
-// Position and derivatives of a carried point. `state` is evaluated with the
-// current lengths, `length_change[j]` = l_j - l0_j.
+// A carried point in one posture. `state` is evaluated with the current
+// lengths, `length_change[j]` = l_j - l0_j; both must outlive it.
+class PosedPoint {
+ public:
+  // `point_in_joint` takes the place of the point's own.
+  PosedPoint(const CarriedPoint& point,
+             const std::array<Eigen::Vector3d, 4>& point_in_joint,
+             const KinematicState& state,
+             const std::array<double, kNumJoints>& length_change);
+
+  const Eigen::Vector3d& in_world() const { return point_in_world_; }
+  // gradient . d x / d pose: num_parameters values. Backwards along the chain,
+  // by the torque of the gradient about every joint.
+  void ByPose(const Eigen::Vector3d& gradient,
+              const JointAngles& angles,
+              double* by_pose) const;
+  // gradient . d x / d l_j, per bone.
+  std::array<double, kNumJoints> ByLength(
+      const Eigen::Vector3d& gradient) const;
+
+ private:
+  const CarriedPoint& point_;
+  const KinematicState& state_;
+  const std::array<double, kNumJoints>& length_change_;
+  std::array<Eigen::Vector3d, 4> carried_in_world_;  // per joint that carries
+  // By which the bones' change of length moves the point beyond what the joints
+  // carry.
+  std::array<double, kNumJoints> share_{};
+  Eigen::Vector3d point_in_world_;
+};
+
+// Position and derivatives of a carried point.
 struct PointDerivative {
   Eigen::Vector3d point_in_world;
   Eigen::Matrix3Xd by_pose;                        // 3 x num_parameters

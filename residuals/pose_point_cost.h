@@ -52,46 +52,47 @@ class PosePointCost : public ceres::CostFunction {
                 double* residuals,
                 double** jacobians) const override {
     const auto& entry = cache_->At(parameters[0], parameters[1]);
-    CarriedPoint carried = point_->carried;
+    const CarriedPoint& carried = point_->carried;
+    Eigen::Vector3d change_in_world = Eigen::Vector3d::Zero();
     for (const auto& [k, direction] : point_->girth) {
-      const double change =
-          parameters[2][k] - point_->girth_at_linearisation[k];
-      for (int b = 0; b < 4; ++b) {
-        if (carried.weight[b] == 0) continue;
-        carried.point_in_joint[b] +=
-            change * (point_->world_from_joint[b].transpose() * direction);
-      }
+      change_in_world +=
+          (parameters[2][k] - point_->girth_at_linearisation[k]) * direction;
     }
-    const PointDerivative x = EvaluatePoint(carried,
-                                            entry.state,
-                                            cache_->angles(),
-                                            entry.length_change,
-                                            jacobians != nullptr);
-    const Measured m = measurement_(x.point_in_world);
+    std::array<Eigen::Vector3d, 4> point_in_joint = carried.point_in_joint;
+    for (int b = 0; b < 4; ++b) {
+      if (carried.weight[b] == 0 || point_->girth.empty()) continue;
+      point_in_joint[b] +=
+          point_->world_from_joint[b].transpose() * change_in_world;
+    }
+    const PosedPoint x(
+        carried, point_in_joint, entry.state, entry.length_change);
+    const Measured m = measurement_(x.in_world());
     residuals[0] = m.residual;
     if (jacobians == nullptr) return true;
     if (jacobians[0] != nullptr) {
-      Eigen::Map<Eigen::RowVectorXd>(jacobians[0], x.by_pose.cols()) =
-          m.gradient.transpose() * x.by_pose;
+      x.ByPose(m.gradient, cache_->angles(), jacobians[0]);
     }
     if (jacobians[1] != nullptr) {
       std::fill(jacobians[1], jacobians[1] + kNumLengthGroups, 0.0);
+      const std::array<double, kNumJoints> by_length = x.ByLength(m.gradient);
       for (int j = 1; j < kNumJoints; ++j) {
-        jacobians[1][LengthGroup(j)] +=
-            m.gradient.dot(x.by_length.col(j)) * entry.length[j];
+        jacobians[1][LengthGroup(j)] += by_length[j] * entry.length[j];
       }
     }
     if (parameter_block_sizes().size() > 2 && jacobians[2] != nullptr) {
       std::fill(jacobians[2], jacobians[2] + parameter_block_sizes()[2], 0.0);
+      // The gradient in the frame of the linearisation.
+      Eigen::Vector3d back = Eigen::Vector3d::Zero();
+      for (int b = 0; b < 4; ++b) {
+        if (carried.weight[b] == 0) continue;
+        back += carried.weight[b] *
+                (point_->world_from_joint[b] *
+                 (entry.state.frames.world_from_joint[carried.joint[b]]
+                      .transpose() *
+                  m.gradient));
+      }
       for (const auto& [k, direction] : point_->girth) {
-        for (int b = 0; b < 4; ++b) {
-          if (carried.weight[b] == 0) continue;
-          jacobians[2][k] +=
-              carried.weight[b] *
-              m.gradient.dot(
-                  entry.state.frames.world_from_joint[carried.joint[b]] *
-                  (point_->world_from_joint[b].transpose() * direction));
-        }
+        jacobians[2][k] += back.dot(direction);
       }
     }
     return true;

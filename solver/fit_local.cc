@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <ceres/ceres.h>
+#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <cmath>
@@ -256,16 +257,17 @@ void AddRegularisation(const Body& body,
   }
 }
 
-// `sections` (may be null): how well each is known, which costs.
-nlohmann::ordered_json SolveRadii(const std::vector<PoseEvidence>& evidence,
-                                  const LocalOptions& options,
-                                  double sigma_rim,
-                                  int max_iterations,
-                                  const JointResult& joints,
-                                  const std::vector<PictureMatches>& pictures,
-                                  Body* body,
-                                  nlohmann::ordered_json* sections) {
-  RadiusProblem problem(*body);
+// Returns the problem that was solved.
+std::unique_ptr<RadiusProblem> SolveRadii(
+    const std::vector<PoseEvidence>& evidence,
+    const LocalOptions& options,
+    double sigma_rim,
+    int max_iterations,
+    const JointResult& joints,
+    const std::vector<PictureMatches>& pictures,
+    Body* body,
+    nlohmann::ordered_json* report) {
+  auto problem = std::make_unique<RadiusProblem>(*body);
   const std::vector<RestDerivative> rest_derivatives = RestByLogRatio(*body);
   double rim_error = 0;
   for (size_t p = 0; p < evidence.size(); ++p) {
@@ -276,17 +278,14 @@ nlohmann::ordered_json SolveRadii(const std::vector<PoseEvidence>& evidence,
                              joints.poses[p].pose,
                              rest_derivatives,
                              pictures[p],
-                             &problem) /
+                             problem.get()) /
                  static_cast<double>(evidence.size());
   }
-  AddRegularisation(*body, options, &problem);
-  nlohmann::ordered_json report = problem.Solve(max_iterations);
-  report["rim_error_start_mm"] = 1000 * rim_error;
-  problem.Store(body);
-  if (sections != nullptr) {
-    *sections = SectionsToJson(*body, problem.Evidence(*body));
-  }
-  return report;
+  AddRegularisation(*body, options, problem.get());
+  *report = problem->Solve(max_iterations);
+  (*report)["rim_error_start_mm"] = 1000 * rim_error;
+  problem->Store(body);
+  return problem;
 }
 
 // With cameras in opposite pairs (a ring of four) what one outline leaves open
@@ -371,12 +370,18 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
               StageSummary* summary) {
   summary->figures["mode"] = options.mode;
   summary->status = "ok";
+  double error = 0;
+  const auto measure_error = [&] {
+    error = Stand(evidence, *joints, *body, kRimReach).rim_error;
+  };
   if (options.mode != "rim") {
     summary->figures["rim_error_start_mm"] =
         1000 * Stand(evidence, *joints, *body, kRimReach).rim_error;
     SampleHullRadii(evidence, options.mode == "paper", *joints, body);
+    measure_error();
   } else {
     nlohmann::ordered_json report, person_report, sections;
+    std::unique_ptr<RadiusProblem> problem;
     std::vector<PictureMatches> pictures(evidence.size());
     bool pose_is_usable = true;
     const auto solve_pose = [&](nlohmann::ordered_json* pose_report) {
@@ -399,7 +404,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
       if (!first) {
         const bool wide = round == 1 && !last;
         pictures = MatchPictures(evidence,
-                                 *joints,
+                                 PoseAll(*joints, *body),
                                  *body,
                                  {wide ? kPhotoReach : kPhotoReachLast,
                                   kPhotoStep,
@@ -407,14 +412,14 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
         // What the turn of a limb explains, the radii shall not.
         if (by_pictures) solve_pose(last ? &person_report : nullptr);
       }
-      report = SolveRadii(evidence,
-                          options,
-                          (first ? 2 : 1) * options.sigma_rim,
-                          last ? kMaxIterationsLast : 1,
-                          *joints,
-                          pictures,
-                          body,
-                          last ? &sections : nullptr);
+      problem = SolveRadii(evidence,
+                           options,
+                           (first ? 2 : 1) * options.sigma_rim,
+                           last ? kMaxIterationsLast : 1,
+                           *joints,
+                           pictures,
+                           body,
+                           &report);
       if (first) {
         summary->figures["rim_error_start_mm"] = report["rim_error_start_mm"];
       }
@@ -424,6 +429,10 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
       const bool is_reported = round + 2 == rounds && !by_pictures;
       solve_pose(is_reported ? &person_report : nullptr);
     }
+    // How well each section is known is told beside the last look at the rims.
+    tbb::parallel_invoke(measure_error, [&] {
+      sections = SectionsToJson(*body, problem->Evidence(*body));
+    });
     summary->figures["radii"] = report;
     summary->figures["pose"] = person_report;
     summary->figures["sections"] = sections;
@@ -431,7 +440,6 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
       summary->status = "failed";
     }
   }
-  const double error = Stand(evidence, *joints, *body, kRimReach).rim_error;
   summary->figures["rim_error_end_mm"] = 1000 * error;
   if (error > kSoundRimError && summary->status == "ok") {
     summary->status = "weak";

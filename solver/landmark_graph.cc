@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "solver/landmark_graph.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -71,7 +73,7 @@ int SolidGraph::Node(const Eigen::Vector3i& cell) const {
 
 void SolidGraph::LinkNodes(const Volume& volume) {
   link_.resize(cell_.size());
-  for (int node = 0; node < num_nodes(); ++node) {
+  tbb::parallel_for(0, num_nodes(), [&](int node) {
     const Eigen::Vector3d point = PointInWorld(node);
     // Deep points need no look at the way between.
     const bool shallow = volume.Sample(point) > -spacing_;
@@ -83,7 +85,7 @@ void SolidGraph::LinkNodes(const Volume& volume) {
       }
       link_[node][n] = next;
     }
-  }
+  });
   // A way is open only if both ends find it so.
   for (int node = 0; node < num_nodes(); ++node) {
     for (int n = 0; n < 26; ++n) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "solver/landmark_limbs.h"
 
+#include <tbb/parallel_for.h>
+
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
@@ -72,15 +74,19 @@ LimbLine TraceLimb(const Volume& volume,
       Smooth(Resample(path_in_world, options.step, options.max_length), sigma);
   for (int pass = 0; pass <= options.iterations; ++pass) {
     const bool last = pass == options.iterations;
+    const int count = static_cast<int>(line.size());
+    std::vector<LimbSection> sections(line.size());
+    tbb::parallel_for(0, count, [&](int i) {
+      sections[i].point_in_world = line[i];
+      sections[i].tangent = Tangent(line, i, reach);
+      sections[i].cut =
+          CutPlane(volume, line[i], sections[i].tangent, options.half_size);
+    });
     Polyline centered;
     double s = 0;
     int kept = -1;
-    for (int i = 0; i < static_cast<int>(line.size()); ++i) {
-      LimbSection section;
-      section.point_in_world = line[i];
-      section.tangent = Tangent(line, i, reach);
-      section.cut =
-          CutPlane(volume, line[i], section.tangent, options.half_size);
+    for (int i = 0; i < count; ++i) {
+      LimbSection& section = sections[i];
       section.free = section.cut.found && !section.cut.touches_border &&
                      section.cut.area <= options.max_area;
       // A way along the skin sees its section leave the square at first.

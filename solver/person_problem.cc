@@ -283,8 +283,10 @@ Skeleton PersonProblem::CurrentSkeleton() const {
   return skeleton;
 }
 
-bool PersonProblem::Solve(int max_iterations) {
-  for (int f = 0; f < kNumFamilies; ++f) cost_at_start_[f] = Cost(f);
+bool PersonProblem::Solve(int max_iterations, bool for_report) {
+  for (int f = 0; for_report && f < kNumFamilies; ++f) {
+    cost_at_start_[f] = Cost(f);
+  }
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
   options.dense_linear_algebra_library_type = ceres::EIGEN;

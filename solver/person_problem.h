@@ -102,8 +102,9 @@ class PersonProblem {
   void HoldLengths(bool ends_free);
 
   // Solves on one thread with dense Cholesky (EIGEN), so that results repeat.
-  // False when no usable solution was found.
-  bool Solve(int max_iterations);
+  // False when no usable solution was found. `for_report`: notes what Report
+  // needs of the start, which costs.
+  bool Solve(int max_iterations, bool for_report);
 
   // Iterations and termination of the last Solve, and per family its cost
   // before and after, and its effective parameters trace((J^T J)^-1 J_f^T J_f):

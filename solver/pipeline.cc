@@ -2,6 +2,7 @@
 #include "solver/pipeline.h"
 
 #include <tbb/parallel_invoke.h>
+#include <tbb/task_group.h>
 
 #include <algorithm>
 #include <array>
@@ -81,22 +82,10 @@ double BestStature(const std::vector<LandmarkResult>& landmarks) {
   return std::clamp(best->stature, 0.6, 2.5);
 }
 
-// The body to start from, whatever its stature; none: the generic one.
-std::optional<Body> ReadTemplate(const TemplateSource& source,
-                                 Progress* progress) {
-  if (source.file == "generic") return std::nullopt;
+// The body to start from, whatever its stature.
+Body ReadTemplate(const TemplateSource& source, Progress* progress) {
+  if (source.file == "generic") return BuildTemplate(TemplateOptions());
   return ImportTemplate(source.file, source.names, progress);
-}
-
-Body StartBody(const std::optional<Body>& imported, double stature) {
-  if (!imported) {
-    TemplateOptions options;
-    options.stature = stature;
-    return BuildTemplate(options);
-  }
-  Body body = *imported;
-  ScaleBody(stature / body.stature, &body);
-  return body;
 }
 
 void StorePoses(const JointResult& joints, FitResult* result) {
@@ -109,11 +98,11 @@ void StorePoses(const JointResult& joints, FitResult* result) {
   }
 }
 
-// FitObserved from a template that was read before (ReadTemplate).
+// FitObserved from a template that was read before, of any stature.
 FitResult FitTemplate(
     const std::vector<std::shared_ptr<const Observation>>& observations,
     const std::vector<std::string>& camera_ids,
-    const std::optional<Body>& imported,
+    Body body_template,
     const FitOptions& options,
     Progress* progress) {
   const int until = FindFitStage(options.until);
@@ -151,8 +140,8 @@ FitResult FitTemplate(
     }
   };
   const double stature = BestStature(landmarks);
-  result.body = StartBody(imported, stature);
-  const Body template_body = result.body;
+  ScaleBody(stature / body_template.stature, &body_template);
+  result.body = body_template;
   JointResult joints;
   run_stage("joints", [&](StageSummary* summary) {
     joints = EstimateJoints(
@@ -208,7 +197,7 @@ FitResult FitTemplate(
       RetryLimbs(evidence,
                  options.global,
                  options.joints,
-                 template_body,
+                 body_template,
                  stature,
                  joints,
                  &landmarks,
@@ -411,15 +400,26 @@ FitResult Fit(const Capture& capture,
   if (camera_ids.size() < 2) {
     throw InputError("a fit needs at least two cameras");
   }
-  // A file that does not serve is told before the pictures are looked at.
-  const std::optional<Body> imported =
-      ReadTemplate(options.body_template, progress);
+  // A file that does not serve is told before the pictures are looked at; the
+  // generic body is built beside that.
+  Body body_template;
+  tbb::task_group building;
+  const auto read_template = [&] {
+    body_template = ReadTemplate(options.body_template, progress);
+  };
+  if (options.body_template.file == "generic") {
+    building.run(read_template);
+  } else {
+    read_template();
+  }
   std::vector<std::shared_ptr<const Observation>> observations;
   for (const std::string& name : pose_names) {
     observations.push_back(std::make_shared<Observation>(
         Observe(capture, name, camera_ids, options, progress)));
   }
-  return FitTemplate(observations, camera_ids, imported, options, progress);
+  building.wait();
+  return FitTemplate(
+      observations, camera_ids, std::move(body_template), options, progress);
 }
 
 }  // namespace sweepfit

@@ -43,12 +43,16 @@ struct MatchReach {
   double photo_step_pixels;  // in such steps
   double inner;              // metres
 };
-// Per pose; empty where there is nothing to match.
+// About the body as it stands in every pose. Per pose; empty where there is
+// nothing to match.
 std::vector<PictureMatches> MatchPictures(
     const std::vector<PoseEvidence>& evidence,
-    const JointResult& joints,
+    const std::vector<PosedBody>& posed,
     const Body& body,
     const MatchReach& reach);
+
+// The body in every pose.
+std::vector<PosedBody> PoseAll(const JointResult& joints, const Body& body);
 
 // The body as it stands in every pose, its rims, and the mean distance of its
 // outline from the silhouettes over all poses, metres.

@@ -62,6 +62,9 @@ nlohmann::ordered_json RadiusProblem::Solve(int max_iterations) {
   solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   solver.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
   solver.num_threads = 1;
+  // A point hangs on four samples of each of four rows: the products of whole
+  // rows, of which most entries are zero, would take most of the time.
+  solver.dynamic_sparsity = true;
   solver.max_num_iterations = max_iterations;
   solver.function_tolerance = 5e-4;
   solver.logging_type = ceres::SILENT;

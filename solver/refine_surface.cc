@@ -237,7 +237,7 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
   for (; rounds < options.rounds; ++rounds) {
     // Matched anew each time: patches lie flatter on a better surface.
     pictures = MatchPictures(evidence,
-                             joints,
+                             standing.posed,
                              *body,
                              {rounds == 0 ? kPhotoReachFirst : kPhotoReach,
                               kPhotoStep,

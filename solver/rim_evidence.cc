@@ -45,6 +45,20 @@ Camera ScaledPinhole(const Camera& camera, double scale) {
   return scaled;
 }
 
+// The side of a closed mesh that a camera sees covers what all of it does.
+TriangleMesh FacingSide(const TriangleMesh& mesh, const Vector3d& camera) {
+  TriangleMesh side;
+  side.vertices = mesh.vertices;
+  side.triangles.reserve(mesh.triangles.size());
+  for (const Triangle& t : mesh.triangles) {
+    const Vector3d& a = mesh.vertices[t[0]];
+    const Vector3d normal =
+        (mesh.vertices[t[1]] - a).cross(mesh.vertices[t[2]] - a);
+    if (normal.dot(camera - a) > 0) side.triangles.push_back(t);
+  }
+  return side;
+}
+
 // The part of a pinhole view that shows the mesh.
 Camera CropToMesh(const Camera& pinhole, const TriangleMesh& mesh) {
   constexpr double kMargin = 4;  // pixels
@@ -110,7 +124,8 @@ std::vector<RimPoint> FindRim(const PosedBody& body,
                               double rival_weight) {
   const Camera scaled =
       CropToMesh(ScaledPinhole(view.camera, kOutlineScale), body.mesh);
-  const Outline outline = DrawOutline(scaled, body.mesh);
+  const Outline outline =
+      DrawOutline(scaled, FacingSide(body.mesh, view.camera.CenterInWorld()));
   const cv::Rect frame(1, 1, scaled.width - 2, scaled.height - 2);
   std::vector<RimPoint> rim, turning;
   for (const int v :
@@ -182,8 +197,9 @@ void PairContour(const std::vector<RimPoint>& rim,
 
 PosedBody PoseForFit(const Body& body, const Pose& pose) {
   PosedBody posed;
-  posed.motions = VertexMotions(body, pose);
-  posed.mesh.vertices = RestVertices(body);
+  const BodyDeformer deformer(body);
+  posed.motions = deformer.Motions(pose);
+  posed.mesh.vertices = deformer.rest_vertices();
   for (size_t i = 0; i < posed.motions.size(); ++i) {
     Vector3d& x = posed.mesh.vertices[i];
     x = posed.motions[i].rotation * x + posed.motions[i].translation;
