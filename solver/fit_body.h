@@ -45,6 +45,7 @@ struct RefineOptions {
   double sigma_rim = 0.0015;      // metres
   double sigma_smooth = 0.001;    // metres, a vertex against its neighbours
   double sigma_magnitude = 0.03;  // metres
+  double sigma_symmetry = 0.018;  // metres, left against right
   std::optional<std::string> Check() const;
 };
 

@@ -38,33 +38,119 @@ bool IsDetail(BodyPart part) {
          part == BodyPart::kLFoot || part == BodyPart::kRFoot;
 }
 
+using SparseMatrix = Eigen::SparseMatrix<double>;
+
 // Least squares for one offset per vertex along its normal:
 //   sum w (d_i - target)^2 / sigma^2
 //   + sum (d_i - mean of neighbours)^2 / sigma_smooth^2
 //   + sum d_i^2 / sigma_magnitude^2
+//   + sum (d_i - d_mirror(i) + a_i)^2 / sigma_symmetry^2
+// a_i: by how much the vertex stands out farther than its mirror image.
 class OffsetSystem {
  public:
-  explicit OffsetSystem(int n)
-      : diagonal_(Eigen::VectorXd::Zero(n)), right_(Eigen::VectorXd::Zero(n)) {}
+  // `stiffness`: what does not depend on the evidence, and its factorisation
+  // as far as the pattern goes.
+  OffsetSystem(const SparseMatrix& stiffness,
+               Eigen::SimplicialLDLT<SparseMatrix>* solver)
+      : stiffness_(stiffness),
+        solver_(solver),
+        diagonal_(Eigen::VectorXd::Zero(stiffness.rows())),
+        right_(Eigen::VectorXd::Zero(stiffness.rows())) {}
 
   void Add(int vertex, double target, double weight) {
     diagonal_[vertex] += weight;
     right_[vertex] += weight * target;
   }
 
-  // `smooth` is L^T L of the whitened neighbourhood differences.
-  Eigen::VectorXd Solve(const Eigen::SparseMatrix<double>& smooth) const {
-    Eigen::SparseMatrix<double> matrix = smooth;
+  // Only the right hand side of what `stiffness` holds already.
+  void PullApart(int vertex, int mirror, double difference, double weight) {
+    right_[vertex] += weight * difference;
+    right_[mirror] -= weight * difference;
+  }
+
+  Eigen::VectorXd Solve() const {
+    SparseMatrix matrix = stiffness_;
     for (Eigen::Index i = 0; i < diagonal_.size(); ++i) {
       matrix.coeffRef(i, i) += diagonal_[i];
     }
-    return Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>(matrix).solve(
-        right_);
+    solver_->factorize(matrix);
+    return solver_->solve(right_);
   }
 
  private:
+  const SparseMatrix& stiffness_;
+  Eigen::SimplicialLDLT<SparseMatrix>* solver_;
   Eigen::VectorXd diagonal_;
   Eigen::VectorXd right_;
+};
+
+// People are much the same on both sides: where the evidence is weak, the other
+// side knows. Differences of the template itself are none.
+class Symmetry {
+ public:
+  Symmetry(const Body& body,
+           const std::vector<Vector3d>& reference_rest,
+           double sigma)
+      : mirror_(body.topology.mirror_vertex), weight_(1 / (sigma * sigma)) {
+    const TriangleMesh reference{
+        reference_rest, TriangulateQuads(body.topology.quads, reference_rest)};
+    reference_apart_ = Apart(reference_rest, VertexNormals(reference));
+  }
+
+  SparseMatrix Stiffness() const {
+    const auto n = static_cast<Eigen::Index>(mirror_.size());
+    std::vector<Eigen::Triplet<double>> triplets;
+    ForEachPair([&](int v, int m) {
+      triplets.emplace_back(v, v, weight_);
+      triplets.emplace_back(m, m, weight_);
+      triplets.emplace_back(v, m, -weight_);
+      triplets.emplace_back(m, v, -weight_);
+    });
+    SparseMatrix matrix(n, n);
+    matrix.setFromTriplets(triplets.begin(), triplets.end());
+    return matrix;
+  }
+
+  void AddTo(const Body& body,
+             const PosedBody& posed,
+             OffsetSystem* system) const {
+    std::vector<Vector3d> normals_at_rest(posed.normals.size());
+    for (size_t v = 0; v < normals_at_rest.size(); ++v) {
+      normals_at_rest[v] =
+          posed.motions[v].rotation.transpose() * posed.normals[v];
+    }
+    const std::vector<double> apart =
+        Apart(RestVertices(body), normals_at_rest);
+    ForEachPair([&](int v, int m) {
+      system->PullApart(v, m, reference_apart_[v] - apart[v], weight_);
+    });
+  }
+
+ private:
+  template <typename Visit>
+  void ForEachPair(const Visit& visit) const {
+    for (int v = 0; v < static_cast<int>(mirror_.size()); ++v) {
+      if (mirror_[v] > v) visit(v, mirror_[v]);
+    }
+  }
+
+  // How far every vertex of a pair stands out beyond the other, half of it on
+  // either side.
+  std::vector<double> Apart(const std::vector<Vector3d>& rest,
+                            const std::vector<Vector3d>& normals) const {
+    const auto beyond = [&](int v, int m) {
+      const Vector3d image(-rest[m].x(), rest[m].y(), rest[m].z());
+      return normals[v].dot(rest[v] - image);
+    };
+    std::vector<double> apart(rest.size(), 0.0);
+    ForEachPair(
+        [&](int v, int m) { apart[v] = 0.5 * (beyond(v, m) - beyond(m, v)); });
+    return apart;
+  }
+
+  const std::vector<int>& mirror_;
+  double weight_;
+  std::vector<double> reference_apart_;
 };
 
 // Thin pieces of the head, its ears: offsets along their normals would turn
@@ -88,8 +174,7 @@ std::vector<bool> FindThin(const Body& body) {
 // squared distance, and rows are scaled so that the sum over the vertices is
 // the integral of the squared Laplacian whatever the size and shape of the
 // quads, sigma_smooth being that of quads of kSpacing.
-Eigen::SparseMatrix<double> SmoothnessMatrix(const Body& body,
-                                             double sigma_smooth) {
+SparseMatrix SmoothnessMatrix(const Body& body, double sigma_smooth) {
   constexpr double kSpacing = 0.010;  // metres
   constexpr double kMaxScale = 8;
   const int n = body.num_vertices();
@@ -124,9 +209,9 @@ Eigen::SparseMatrix<double> SmoothnessMatrix(const Body& body,
       triplets.emplace_back(i, neighbours[i][k], -stiffness * weights[k] / sum);
     }
   }
-  Eigen::SparseMatrix<double> laplacian(n, n);
+  SparseMatrix laplacian(n, n);
   laplacian.setFromTriplets(triplets.begin(), triplets.end());
-  return Eigen::SparseMatrix<double>(laplacian.transpose()) * laplacian;
+  return SparseMatrix(laplacian.transpose()) * laplacian;
 }
 
 void AddTargets(const PoseEvidence& evidence,
@@ -192,7 +277,8 @@ void ApplyOffsets(const Eigen::VectorXd& offset,
 
 std::optional<std::string> RefineOptions::Check() const {
   if (rounds < 1 || rounds > 50) return "refine.rounds must be 1 to 50";
-  for (const double sigma : {sigma_rim, sigma_smooth, sigma_magnitude}) {
+  for (const double sigma :
+       {sigma_rim, sigma_smooth, sigma_magnitude, sigma_symmetry}) {
     if (!(sigma > 0)) return "refine.sigma_* must be positive";
   }
   return std::nullopt;
@@ -217,8 +303,9 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
     return;
   }
   const int n = body->num_vertices();
-  Eigen::SparseMatrix<double> smooth =
-      SmoothnessMatrix(*body, options.sigma_smooth);
+  const Symmetry symmetry(*body, reference_rest, options.sigma_symmetry);
+  SparseMatrix stiffness =
+      SmoothnessMatrix(*body, options.sigma_smooth) + symmetry.Stiffness();
   const std::vector<bool> thin = FindThin(*body);
   for (int i = 0; i < n; ++i) {
     double sigma = options.sigma_magnitude;
@@ -227,8 +314,10 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
     } else if (IsDetail(body->topology.part[i])) {
       sigma *= kDetailShare;
     }
-    smooth.coeffRef(i, i) += 1 / (sigma * sigma);
+    stiffness.coeffRef(i, i) += 1 / (sigma * sigma);
   }
+  Eigen::SimplicialLDLT<SparseMatrix> solver;
+  solver.analyzePattern(stiffness);
 
   StandingBody standing = Stand(evidence, joints, *body, kRimReach);
   summary->figures["rim_error_start_mm"] = 1000 * standing.rim_error;
@@ -242,7 +331,8 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
                              {rounds == 0 ? kPhotoReachFirst : kPhotoReach,
                               kPhotoStep,
                               kInnerReach});
-    OffsetSystem system(n);
+    OffsetSystem system(stiffness, &solver);
+    symmetry.AddTo(*body, standing.posed.front(), &system);
     for (size_t p = 0; p < evidence.size(); ++p) {
       AddTargets(evidence[p],
                  standing.rims[p],
@@ -252,7 +342,7 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
                  &system);
     }
     Body candidate = *body;
-    ApplyOffsets(system.Solve(smooth), standing.posed.front(), &candidate);
+    ApplyOffsets(system.Solve(), standing.posed.front(), &candidate);
     StandingBody moved = Stand(evidence, joints, candidate, kRimReach);
     // A refinement that does not bring the outlines closer is not kept.
     if (!(moved.rim_error < standing.rim_error)) break;

@@ -105,10 +105,10 @@ std::int32_t LabelBlock(const BlockGrid::Block& block, std::int32_t* label) {
   return count;
 }
 
-// Component number of every inside voxel, -1 elsewhere; sizes by component.
-// Parts within blocks first, which can be found at once, then across faces.
+// Component number of every inside voxel, -1 elsewhere. Parts within blocks
+// first, which can be found at once, then across faces.
 std::vector<std::int32_t> LabelInside(const VoxelGraph& graph,
-                                      std::vector<std::int64_t>* sizes) {
+                                      int* num_components) {
   const std::vector<BlockGrid::Block>& blocks = graph.blocks();
   std::vector<std::int32_t> label(graph.size(), -1);
   std::vector<std::int32_t> first(blocks.size() + 1, 0);
@@ -144,19 +144,31 @@ std::vector<std::int32_t> LabelInside(const VoxelGraph& graph,
   std::vector<std::int32_t> component(first.back());
   for (std::int32_t part = 0; part < first.back(); ++part) {
     const std::int32_t root = parts.Find(part);
-    if (root == part) {
-      component[part] = static_cast<std::int32_t>(sizes->size());
-      sizes->push_back(0);
-    } else {
-      component[part] = component[root];
-    }
+    component[part] = root == part ? (*num_components)++ : component[root];
   }
   for (std::int32_t& of_voxel : label) {
-    if (of_voxel < 0) continue;
-    of_voxel = component[of_voxel];
-    ++(*sizes)[of_voxel];
+    if (of_voxel >= 0) of_voxel = component[of_voxel];
   }
   return label;
+}
+
+// Voxels that count, by component.
+std::vector<std::int64_t> Sizes(
+    const BlockGrid& grid,
+    const std::vector<std::int32_t>& label,
+    int num_components,
+    const std::function<bool(const BlockGrid::Block&)>& counts) {
+  std::vector<char> does_count(grid.blocks().size(), 1);
+  if (counts) {
+    tbb::parallel_for(size_t{0}, does_count.size(), [&](size_t b) {
+      does_count[b] = counts(grid.blocks()[b]);
+    });
+  }
+  std::vector<std::int64_t> sizes(num_components, 0);
+  for (size_t i = 0; i < label.size(); ++i) {
+    if (label[i] >= 0 && does_count[i / kSize]) ++sizes[label[i]];
+  }
+  return sizes;
 }
 
 // Blocks within two of one that holds a voxel of a part other than `kept`.
@@ -214,15 +226,17 @@ void SpreadLabels(const VoxelGraph& graph,
 
 }  // namespace
 
-ComponentCount KeepLargestComponent(BlockGrid* grid) {
+ComponentCount KeepLargestComponent(
+    BlockGrid* grid,
+    const std::function<bool(const BlockGrid::Block&)>& counts) {
   ComponentCount result;
-  std::vector<std::int64_t> sizes;
   const auto band = static_cast<float>(grid->band());
   const VoxelGraph graph(*grid);
-  std::vector<std::int32_t> label = LabelInside(graph, &sizes);
-  result.num_components = static_cast<int>(sizes.size());
-  if (sizes.size() <= 1) return result;
+  std::vector<std::int32_t> label = LabelInside(graph, &result.num_components);
+  if (result.num_components <= 1) return result;
 
+  const std::vector<std::int64_t> sizes =
+      Sizes(*grid, label, result.num_components, counts);
   const auto largest = static_cast<std::int32_t>(
       std::max_element(sizes.begin(), sizes.end()) - sizes.begin());
   std::int64_t dropped = 0;

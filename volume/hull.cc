@@ -307,6 +307,32 @@ BlockGrid BuildBlocks(const std::vector<SilhouetteCone>& cones,
   return BlockGrid(voxel_size, kBandVoxels * voxel_size, std::move(blocks));
 }
 
+// Keeps the largest part, by the volume of what nearly as many views look at as
+// at the block that most do: see KeepBestSeen, which cells of many large voxels
+// can defeat.
+ComponentCount KeepBestSeenPart(const std::vector<SilhouetteCone>& cones,
+                                BlockGrid* grid) {
+  const double side = BlockGrid::kSide * grid->voxel_size();
+  const auto num_views = [&](const BlockGrid::Block& block) {
+    const Eigen::Vector3d center =
+        side * (block.index.cast<double>().array() + 0.5).matrix();
+    int count = 0;
+    for (const SilhouetteCone& cone : cones) {
+      double phi = 0;
+      count += cone.EvaluateBall(center, 0.5 * side, &phi) !=
+               SilhouetteCone::Sees::kNothing;
+    }
+    return count;
+  };
+  int most_views = 0;
+  for (const BlockGrid::Block& block : grid->blocks()) {
+    most_views = std::max(most_views, num_views(block));
+  }
+  return KeepLargestComponent(grid, [&](const BlockGrid::Block& block) {
+    return 5 * num_views(block) >= 4 * most_views;
+  });
+}
+
 // A volume that explains little of most silhouettes is a phantom of some.
 void CheckCoverage(std::vector<double> coverage) {
   constexpr double kLeast = 0.5;
@@ -358,7 +384,7 @@ Volume BuildVisualHull(const std::vector<View>& views,
   if (const auto error = options.Check()) throw InputError(*error);
   const std::vector<SilhouetteCone> cones = MakeSilhouetteCones(views);
   BlockGrid blocks = BuildBlocks(cones, options.voxel_size);
-  const ComponentCount components = KeepLargestComponent(&blocks);
+  const ComponentCount components = KeepBestSeenPart(cones, &blocks);
   if (components.num_components == 0) {
     throw FitError(
         "the silhouettes have no common part: check the calibration, the "

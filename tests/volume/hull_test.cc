@@ -116,6 +116,30 @@ TEST(HullTest, KeepsTheLargestPart) {
   EXPECT_EQ(summary.status, "weak");
 }
 
+// Cameras opposite each other that frame the person closely see a phantom
+// between them that is larger than the person, and that no other one looks at.
+// Large voxels bring it so near that coarse cells do not tell them apart.
+TEST(HullTest, LargeVoxelsFindThePersonAmongPhantoms) {
+  const testing::CapsulePerson person = MakePerson(0.8, 0, {0, 0, 0});
+  std::vector<View> views;
+  for (const Eigen::Vector3d& center : {Eigen::Vector3d(0, 1, 3),
+                                        Eigen::Vector3d(3, 1, 0),
+                                        Eigen::Vector3d(0, 1, -3),
+                                        Eigen::Vector3d(-3, 1, 0.5)}) {
+    views.push_back(RenderCapsules(
+        testing::LookAt("camera", center, {0, 0.9, 0}, 1.33 * kSize, kSize),
+        person.capsules));
+  }
+  for (const int count : {4, 3}) {
+    views.resize(count);
+    const Volume volume = Hull(views, 0.02);
+    for (const int joint : {kRoot, kHead, kLKnee, kRKnee, kLElbow, kRElbow}) {
+      EXPECT_LT(volume.Sample(person.joint[joint]), 0) << count << " " << joint;
+    }
+    EXPECT_LT((volume.BoxMax() - volume.BoxMin()).maxCoeff(), 2);
+  }
+}
+
 // Two of three silhouettes meet in a larger place than the person is.
 TEST(HullTest, ThreeCamerasFindThePerson) {
   const testing::CapsulePerson person = MakePerson(0.8, 0.2, {0, 0, 0});
