@@ -108,6 +108,10 @@ KeyScreen FindKeyScreen(const cv::Mat3b& picture, const std::string& key) {
   return screen;
 }
 
+int KeyChannel(const KeyScreen& screen) {
+  return screen.lab[1] < screen.lab[2] ? 1 : 0;  // a*: green, b*: blue
+}
+
 cv::Mat3f FillScreen(const cv::Mat3b& picture, const KeyScreen& screen) {
   constexpr float kSurelyScreen = 0.8f;
   constexpr int kKeepOff = 2;  // px from anything that is not screen

@@ -22,6 +22,9 @@ struct KeyScreen {
 // border has.
 KeyScreen FindKeyScreen(const cv::Mat3b& picture, const std::string& key);
 
+// The BGR channel in which it shines: 0 blue, 1 green.
+int KeyChannel(const KeyScreen& screen);
+
 // The screen's colour everywhere, also behind the person, from what is seen of
 // it around. Works on the whole (small) picture; linear light.
 cv::Mat3f FillScreen(const cv::Mat3b& picture, const KeyScreen& screen);

@@ -79,6 +79,8 @@ class Segmenter {
       evidence_.on_frame = BorderShare(view.coverage);
       result.quality = JudgeView(evidence_);
     }
+    if (entry_.chroma_key && !screen_.found) FindScreen();
+    if (screen_.found) view.key_channel = KeyChannel(screen_);
     view.quality = result.quality.value;
     result.evidence = evidence_;
     if (view.quality >= kLeastQuality) {

@@ -45,7 +45,10 @@ struct View {
   // pinhole pixels of K (same size as the picture): sample it at
   // ProjectPinhole. Sub-pixel at the boundary (coverage 0.5).
   cv::Mat1f signed_distance;
-  std::string mode;    // how it was segmented
+  std::string mode;  // how it was segmented
+  // BGR channel in which a key screen around the person shines, whose light
+  // spills onto them; -1: there is none.
+  int key_channel = -1;
   double quality = 1;  // 0..1: how far the silhouette can be trusted
 };
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "solver/pipeline.h"
 
+#include <tbb/parallel_for.h>
 #include <tbb/parallel_invoke.h>
 #include <tbb/task_group.h>
 
@@ -98,6 +99,50 @@ void StorePoses(const JointResult& joints, FitResult* result) {
   }
 }
 
+// What the pictures say of every pose, ready to be compared with a body. Empty
+// where it is not asked for.
+struct PreparedEvidence {
+  std::vector<std::vector<ObservedContour>> contours;  // per view
+  std::vector<PhotoEvidence> photo;
+  std::vector<std::vector<InnerContour>> inner;  // per view
+};
+
+// `with_pictures`: more than outlines.
+PreparedEvidence PrepareEvidence(const std::vector<PoseResult>& poses,
+                                 const FitOptions& options,
+                                 bool with_pictures) {
+  PreparedEvidence prepared;
+  const auto observe_contours = [&] {
+    for (const PoseResult& pose : poses) {
+      const std::vector<View>& views = pose.seen->views;
+      auto& of_pose = prepared.contours.emplace_back(views.size());
+      tbb::parallel_for(size_t{0}, views.size(), [&](size_t v) {
+        constexpr double kSpacing = 6;  // pixels
+        of_pose[v] = ObserveContour(views[v], kSpacing);
+      });
+    }
+  };
+  const auto prepare_photographs = [&] {
+    if (!with_pictures || !options.photo.enabled) return;
+    for (const PoseResult& pose : poses) {
+      prepared.photo.emplace_back(
+          pose.seen->views, *pose.seen->volume, options.photo);
+    }
+  };
+  const auto prepare_inner_contours = [&] {
+    if (!with_pictures || !options.inner_contours.enabled) return;
+    for (const PoseResult& pose : poses) {
+      auto& of_pose = prepared.inner.emplace_back();
+      for (const View& view : pose.seen->views) {
+        of_pose.emplace_back(view, options.inner_contours);
+      }
+    }
+  };
+  tbb::parallel_invoke(
+      observe_contours, prepare_photographs, prepare_inner_contours);
+  return prepared;
+}
+
 // FitObserved from a template that was read before, of any stature.
 FitResult FitTemplate(
     const std::vector<std::shared_ptr<const Observation>>& observations,
@@ -151,38 +196,17 @@ FitResult FitTemplate(
   StorePoses(joints, &result);
   if (until < FindFitStage("global")) return result;
 
-  std::vector<std::vector<ObservedContour>> contours;
-  for (const PoseResult& pose : result.poses) {
-    auto& of_pose = contours.emplace_back();
-    for (const View& view : pose.seen->views) {
-      constexpr double kSpacing = 6;  // pixels
-      of_pose.push_back(ObserveContour(view, kSpacing));
-    }
-  }
-  std::vector<PhotoEvidence> photo;
-  if (options.photo.enabled && until >= FindFitStage("local")) {
-    for (const PoseResult& pose : result.poses) {
-      photo.emplace_back(pose.seen->views, *pose.seen->volume, options.photo);
-    }
-  }
-  std::vector<std::vector<InnerContour>> inner;
-  if (options.inner_contours.enabled && until >= FindFitStage("local")) {
-    for (const PoseResult& pose : result.poses) {
-      auto& of_pose = inner.emplace_back();
-      for (const View& view : pose.seen->views) {
-        of_pose.emplace_back(view, options.inner_contours);
-      }
-    }
-  }
+  const PreparedEvidence prepared =
+      PrepareEvidence(result.poses, options, until >= FindFitStage("local"));
   std::vector<PoseEvidence> evidence;
   for (size_t p = 0; p < result.poses.size(); ++p) {
     const PoseResult& pose = result.poses[p];
     evidence.push_back({&pose.seen->views,
-                        &contours[p],
+                        &prepared.contours[p],
                         &*pose.seen->volume,
                         &landmarks[p],
-                        photo.empty() ? nullptr : &photo[p],
-                        inner.empty() ? nullptr : &inner[p],
+                        prepared.photo.empty() ? nullptr : &prepared.photo[p],
+                        prepared.inner.empty() ? nullptr : &prepared.inner[p],
                         options.outlines});
   }
   run_stage("global", [&](StageSummary* summary) {

@@ -801,6 +801,34 @@ LinearAtlas BlendAtlas(const AtlasMap& map,
   return atlas;
 }
 
+// ---------------------------------------------------------------------------
+// Spill
+
+// The channel of the key screen that most views see, -1: none.
+int KeyChannel(const std::vector<PreparedView>& views) {
+  for (const int channel : {0, 1}) {
+    const auto count =
+        std::count_if(views.begin(), views.end(), [&](const PreparedView& v) {
+          return v.view->key_channel == channel;
+        });
+    if (2 * count > static_cast<std::ptrdiff_t>(views.size())) return channel;
+  }
+  return -1;
+}
+
+// The light of a key screen spills onto people: skin turns green, and blue
+// jeans do. The screen's channel is limited to the mean of the other two, as
+// compositors do (Wright, Digital Compositing for Film and Video, "despill");
+// strong yellow and cyan, which have as much of it of their own, lose some too.
+Color WithoutSpill(const Color& color, int channel, double share) {
+  if (channel < 0) return color;
+  const float limit = 0.5F * (color.sum() - color[channel]);
+  Color result = color;
+  result[channel] -=
+      static_cast<float>(share) * std::max(0.0F, color[channel] - limit);
+  return result;
+}
+
 // The colour of a texel as the fallback has it.
 Color FallbackColor(const LinearAtlas& atlas,
                     const Facet& facet,
@@ -822,11 +850,14 @@ Color FallbackColor(const LinearAtlas& atlas,
   return Interpolate(fallback.color, facet.vertex, weights);
 }
 
-// 8-bit colours, the fallback where the views are not sure.
+// 8-bit colours, the fallback where the views are not sure, without the light
+// of a key screen.
 cv::Mat3b FinishAtlas(const LinearAtlas& atlas,
                       const AtlasMap& map,
                       const std::vector<Facet>& facets,
-                      const Fallback& fallback) {
+                      const Fallback& fallback,
+                      int key_channel,
+                      double despill) {
   cv::Mat3b finished = cv::Mat3b::zeros(map.facet.size());
   ParallelFor(finished.rows, [&](int y) {
     for (int x = 0; x < finished.cols; ++x) {
@@ -839,6 +870,7 @@ cv::Mat3b FinishAtlas(const LinearAtlas& atlas,
             atlas, facets[map.facet(y, x)], map.weights(y, x), fallback);
         color = seen * color + (1 - seen) * filled;
       }
+      color = WithoutSpill(color, key_channel, despill);
       for (int c = 0; c < 3; ++c) finished(y, x)[c] = LinearToSrgb(color[c]);
     }
   });
@@ -928,6 +960,7 @@ std::optional<std::string> TextureOptions::Check() const {
   if (size < 64 || size > 16384) {
     return "texture.size must lie between 64 and 16384";
   }
+  if (!(despill >= 0 && despill <= 1)) return "texture.despill must be 0 to 1";
   return std::nullopt;
 }
 
@@ -971,11 +1004,16 @@ Texture SolveTexture(
   const AtlasMap map = RasteriseAtlas(facets, options.size);
   const LinearAtlas linear = BlendAtlas(map, facets, surfaces, prepared);
   Texture texture;
-  texture.atlas = FinishAtlas(linear, map, facets, fallback);
+  const int key_channel = KeyChannel(prepared);
+  texture.atlas =
+      FinishAtlas(linear, map, facets, fallback, key_channel, options.despill);
   texture.confidence = linear.confidence;
   FillGutters(map, &texture.atlas);
 
   Summarise(prepared, seen_share, options.size, progress, summary);
+  if (summary != nullptr && key_channel >= 0) {
+    summary->figures["despilled_channel"] = key_channel == 1 ? "green" : "blue";
+  }
   return texture;
 }
 

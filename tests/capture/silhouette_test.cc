@@ -227,10 +227,23 @@ TEST_F(SegmentTest, PlateWithNoiseShadowAndExposure) {
 TEST_F(SegmentTest, ChromaKeyWithSpillAlone) {
   AddCamera("left", {.green = true});
   AddCamera("right", {.green = true, .exposure = 0.8});
-  options_.mode = "chroma";
-  for (const View& view : Run()) ExpectGood(view);
-  options_.mode = "both";
-  for (const View& view : Run()) ExpectGood(view);
+  for (const std::string& mode : {"chroma", "both"}) {
+    options_.mode = mode;
+    for (const View& view : Run()) {
+      ExpectGood(view);
+      EXPECT_EQ(view.key_channel, 1) << mode;
+    }
+  }
+}
+
+// The light of a screen is on the person however the silhouette is found.
+TEST_F(SegmentTest, TellsAScreenFromARoom) {
+  AddCamera("screen", {.green = true});
+  AddCamera("room", {});
+  options_.mode = "plate";
+  const std::vector<View> views = Run();
+  EXPECT_EQ(views[0].key_channel, 1);
+  EXPECT_EQ(views[1].key_channel, -1);
 }
 
 // As under a chair: no soft edge says that it is a shadow, only its colour.

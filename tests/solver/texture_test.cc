@@ -229,6 +229,27 @@ TEST_F(TextureTest, FindsExposureDifferences) {
   EXPECT_LT(Compare(texture, Bands, 0.2).mean, 3.5);
 }
 
+// Skin in the light of a green screen, and a blue that it did not reach.
+TEST_F(TextureTest, TakesTheLightOfAKeyScreenOff) {
+  const auto skin_and_blue = [](const Eigen::Vector3d& p) {
+    return p.y() > 0 ? Eigen::Vector3d(0.2, 0.45, 0.4)  // BGR, linear
+                     : Eigen::Vector3d(0.5, 0.15, 0.1);
+  };
+  const auto despilled = [&](const Eigen::Vector3d& p) {
+    return p.y() > 0 ? Eigen::Vector3d(0.2, 0.3, 0.4) : skin_and_blue(p);
+  };
+  std::vector<View> views;
+  for (const double azimuth : Ring(4)) {
+    views.push_back(Photograph(azimuth, skin_and_blue));
+  }
+  StageSummary summary;
+  EXPECT_LT(Compare(Solve(views, &summary), skin_and_blue, 0.2).mean, 3);
+  EXPECT_FALSE(summary.figures.contains("despilled_channel"));
+  for (View& view : views) view.key_channel = 1;
+  EXPECT_LT(Compare(Solve(views, &summary), despilled, 0.2).mean, 3);
+  EXPECT_EQ(summary.figures["despilled_channel"], "green");
+}
+
 TEST_F(TextureTest, FillsWhatNobodySees) {
   const Texture texture = Solve({Photograph(0, Uniform)});
   int unseen = 0;
