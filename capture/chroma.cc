@@ -108,8 +108,18 @@ KeyScreen FindKeyScreen(const cv::Mat3b& picture, const std::string& key) {
   return screen;
 }
 
-int KeyChannel(const KeyScreen& screen) {
-  return screen.lab[1] < screen.lab[2] ? 1 : 0;  // a*: green, b*: blue
+std::optional<int> KeyChannel(const KeyScreen& screen) {
+  // CIELAB hues of screens, degrees; painted ones differ.
+  constexpr std::array<double, 2> kHue = {-60, 140};
+  constexpr double kReach = 40;
+  if (!screen.found) return std::nullopt;
+  const double hue = std::atan2(screen.lab[2], screen.lab[1]) * 180 / kPi;
+  for (int channel = 0; channel < 2; ++channel) {
+    if (std::abs(std::remainder(hue - kHue[channel], 360)) < kReach) {
+      return channel;
+    }
+  }
+  return std::nullopt;
 }
 
 cv::Mat3f FillScreen(const cv::Mat3b& picture, const KeyScreen& screen) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,8 +23,8 @@ struct KeyScreen {
 // border has.
 KeyScreen FindKeyScreen(const cv::Mat3b& picture, const std::string& key);
 
-// The BGR channel in which it shines: 0 blue, 1 green.
-int KeyChannel(const KeyScreen& screen);
+// The BGR channel in which it shines: 0 blue, 1 green; none for other hues.
+std::optional<int> KeyChannel(const KeyScreen& screen);
 
 // The screen's colour everywhere, also behind the person, from what is seen of
 // it around. Works on the whole (small) picture; linear light.

@@ -79,8 +79,10 @@ class Segmenter {
       evidence_.on_frame = BorderShare(view.coverage);
       result.quality = JudgeView(evidence_);
     }
-    if (entry_.chroma_key && !screen_.found) FindScreen();
-    if (screen_.found) view.key_channel = KeyChannel(screen_);
+    if (entry_.chroma_key) {
+      view.key_channel = KeyChannel(
+          screen_.found ? screen_ : FindKeyScreen(small_, *entry_.chroma_key));
+    }
     view.quality = result.quality.value;
     result.evidence = evidence_;
     if (view.quality >= kLeastQuality) {

@@ -46,9 +46,9 @@ struct View {
   // ProjectPinhole. Sub-pixel at the boundary (coverage 0.5).
   cv::Mat1f signed_distance;
   std::string mode;  // how it was segmented
-  // BGR channel in which a key screen around the person shines, whose light
-  // spills onto them; -1: there is none.
-  int key_channel = -1;
+  // BGR channel in which a green or blue screen around the person shines, whose
+  // light spills onto them; none where there is no such screen.
+  std::optional<int> key_channel;
   double quality = 1;  // 0..1: how far the silhouette can be trusted
 };
 

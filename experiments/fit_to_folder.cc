@@ -59,7 +59,7 @@ void ResolvePaths(FitOptions* options) {
   if (options->landmarks.keypoints != "none") {
     MakeAbsolute(&options->landmarks.keypoints);
   }
-  if (options->body_template.file != "generic") {
+  if (!options->body_template.IsGeneric()) {
     MakeAbsolute(&options->body_template.file);
   }
   // A file with names is told from a preset by these.

@@ -437,10 +437,6 @@ std::vector<Eigen::Vector3d> PoseVertices(const Body& body, const Pose& pose) {
   return BodyDeformer(body).Vertices(pose);
 }
 
-std::vector<VertexMotion> VertexMotions(const Body& body, const Pose& pose) {
-  return BodyDeformer(body).Motions(pose);
-}
-
 RestDerivative RestByLogRatio(const Body& body, int vertex) {
   return DerivativeOfVertex(
       body, MakeAxes(body, RestFrames(body.skeleton)), vertex);

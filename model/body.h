@@ -130,7 +130,6 @@ class BodyDeformer {
 
 // The same for a single posture.
 std::vector<Eigen::Vector3d> PoseVertices(const Body& body, const Pose& pose);
-std::vector<VertexMotion> VertexMotions(const Body& body, const Pose& pose);
 
 // d x_rest / d q for one vertex: the rest position changes by
 // sum_k direction[k] * d log_ratio(sample[k]) where a sample is an element of

@@ -80,7 +80,7 @@ struct CarriedPoint {
 };
 
 // A carried point in one posture. `state` is evaluated with the current
-// lengths, `length_change[j]` = l_j - l0_j; both must outlive it.
+// lengths, `length_change[j]` = l_j - l0_j; these and `point` must outlive it.
 class PosedPoint {
  public:
   // `point_in_joint` takes the place of the point's own.
@@ -110,7 +110,7 @@ class PosedPoint {
   Eigen::Vector3d point_in_world_;
 };
 
-// Position and derivatives of a carried point.
+// Position and derivatives of a carried point; arguments as for PosedPoint.
 struct PointDerivative {
   Eigen::Vector3d point_in_world;
   Eigen::Matrix3Xd by_pose;                        // 3 x num_parameters

@@ -12,6 +12,8 @@
 
 #include <ceres/cost_function.h>
 
+#include <algorithm>
+#include <array>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -59,8 +61,8 @@ class PosePointCost : public ceres::CostFunction {
           (parameters[2][k] - point_->girth_at_linearisation[k]) * direction;
     }
     std::array<Eigen::Vector3d, 4> point_in_joint = carried.point_in_joint;
-    for (int b = 0; b < 4; ++b) {
-      if (carried.weight[b] == 0 || point_->girth.empty()) continue;
+    for (int b = 0; b < 4 && !point_->girth.empty(); ++b) {
+      if (carried.weight[b] == 0) continue;
       point_in_joint[b] +=
           point_->world_from_joint[b].transpose() * change_in_world;
     }

@@ -75,9 +75,10 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
 // Surface refinement (paper V): displacements of single vertices along their
 // normals, by a sparse Cholesky factorisation, kept in section coordinates so
 // that they move with the body. Each round matches the photographs anew, about
-// the surface that the last one made. Last, what radii and displacements tore
-// is relaxed against `reference_rest`, the vertices at rest before the local
-// fit; see RelaxSurface.
+// the surface that the last one made. Left and right are tied loosely.
+// `reference_rest`, the vertices at rest before the local fit: what sides they
+// differ by stays, and what radii and displacements tore is last relaxed
+// against them; see RelaxSurface.
 void RefineSurface(const std::vector<PoseEvidence>& evidence,
                    const RefineOptions& options,
                    const std::vector<Eigen::Vector3d>& reference_rest,

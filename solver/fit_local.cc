@@ -257,7 +257,8 @@ void AddRegularisation(const Body& body,
   }
 }
 
-// Returns the problem that was solved.
+// Solves for the radii and stores them. Returns the problem, which knows how
+// well each section is known.
 std::unique_ptr<RadiusProblem> SolveRadii(
     const std::vector<PoseEvidence>& evidence,
     const LocalOptions& options,
@@ -371,14 +372,13 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
   summary->figures["mode"] = options.mode;
   summary->status = "ok";
   double error = 0;
-  const auto measure_error = [&] {
-    error = Stand(evidence, *joints, *body, kRimReach).rim_error;
+  const auto rim_error = [&] {
+    return Stand(evidence, *joints, *body, kRimReach).rim_error;
   };
   if (options.mode != "rim") {
-    summary->figures["rim_error_start_mm"] =
-        1000 * Stand(evidence, *joints, *body, kRimReach).rim_error;
+    summary->figures["rim_error_start_mm"] = 1000 * rim_error();
     SampleHullRadii(evidence, options.mode == "paper", *joints, body);
-    measure_error();
+    error = rim_error();
   } else {
     nlohmann::ordered_json report, person_report, sections;
     std::unique_ptr<RadiusProblem> problem;
@@ -412,6 +412,7 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
         // What the turn of a limb explains, the radii shall not.
         if (by_pictures) solve_pose(last ? &person_report : nullptr);
       }
+      problem.reset();  // large
       problem = SolveRadii(evidence,
                            options,
                            (first ? 2 : 1) * options.sigma_rim,
@@ -430,9 +431,9 @@ void FitLocal(const std::vector<PoseEvidence>& evidence,
       solve_pose(is_reported ? &person_report : nullptr);
     }
     // How well each section is known is told beside the last look at the rims.
-    tbb::parallel_invoke(measure_error, [&] {
-      sections = SectionsToJson(*body, problem->Evidence(*body));
-    });
+    tbb::parallel_invoke(
+        [&] { error = rim_error(); },
+        [&] { sections = SectionsToJson(*body, problem->Evidence(*body)); });
     summary->figures["radii"] = report;
     summary->figures["pose"] = person_report;
     summary->figures["sections"] = sections;

@@ -198,7 +198,8 @@ JointResult EstimateJoints(const std::vector<LandmarkResult>& landmarks,
         base, base_stature, options.template_sigma, weights.template_ratio);
     problem->AddPosePrior(weights.pose);
     problem->AddPersonPrior(stature.value, stature.sigma, weights.stature);
-    usable = problem->Solve(50, true);
+    problem->NoteStart();
+    usable = problem->Solve(50);
     return problem;
   };
 

@@ -283,10 +283,12 @@ Skeleton PersonProblem::CurrentSkeleton() const {
   return skeleton;
 }
 
-bool PersonProblem::Solve(int max_iterations, bool for_report) {
-  for (int f = 0; for_report && f < kNumFamilies; ++f) {
-    cost_at_start_[f] = Cost(f);
-  }
+void PersonProblem::NoteStart() {
+  cost_at_start_.emplace();
+  for (int f = 0; f < kNumFamilies; ++f) (*cost_at_start_)[f] = Cost(f);
+}
+
+bool PersonProblem::Solve(int max_iterations) {
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
   options.dense_linear_algebra_library_type = ceres::EIGEN;
@@ -302,6 +304,7 @@ bool PersonProblem::Solve(int max_iterations, bool for_report) {
 }
 
 nlohmann::ordered_json PersonProblem::Report() const {
+  CHECK(cost_at_start_.has_value()) << "NoteStart before Solve";
   nlohmann::ordered_json report;
   report["iterations"] = static_cast<int>(summary_.iterations.size()) - 1;
   report["termination"] =
@@ -312,7 +315,7 @@ nlohmann::ordered_json PersonProblem::Report() const {
   const Eigen::MatrixXd covariance = Covariance(information);
   for (int f = 0; f < kNumFamilies; ++f) {
     auto& entry = report["families"][kFamilyNames[f]];
-    entry["cost_start"] = cost_at_start_[f];
+    entry["cost_start"] = (*cost_at_start_)[f];
     entry["cost_end"] = Cost(f);
     entry["effective_parameters"] =
         covariance.cwiseProduct(information[f]).sum();

@@ -8,6 +8,7 @@
 #include <array>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -102,10 +103,11 @@ class PersonProblem {
   void HoldLengths(bool ends_free);
 
   // Solves on one thread with dense Cholesky (EIGEN), so that results repeat.
-  // False when no usable solution was found. `for_report`: notes what Report
-  // needs of the start, which costs.
-  bool Solve(int max_iterations, bool for_report);
+  // False when no usable solution was found.
+  bool Solve(int max_iterations);
 
+  // Notes the costs before Solve, which Report tells; that costs.
+  void NoteStart();
   // Iterations and termination of the last Solve, and per family its cost
   // before and after, and its effective parameters trace((J^T J)^-1 J_f^T J_f):
   // how many of the unknowns the family decides; over all families they sum to
@@ -143,7 +145,7 @@ class PersonProblem {
   mutable ceres::Problem problem_;
   std::vector<Block> blocks_;
   ceres::Solver::Summary summary_;
-  std::array<double, kNumFamilies> cost_at_start_{};
+  std::optional<std::array<double, kNumFamilies>> cost_at_start_;
 };
 
 // Copies the solution into `result`; covariances and reliabilities only when

@@ -85,7 +85,7 @@ double BestStature(const std::vector<LandmarkResult>& landmarks) {
 
 // The body to start from, whatever its stature.
 Body ReadTemplate(const TemplateSource& source, Progress* progress) {
-  if (source.file == "generic") return BuildTemplate(TemplateOptions());
+  if (source.IsGeneric()) return BuildTemplate(TemplateOptions());
   return ImportTemplate(source.file, source.names, progress);
 }
 
@@ -102,9 +102,9 @@ void StorePoses(const JointResult& joints, FitResult* result) {
 // What the pictures say of every pose, ready to be compared with a body. Empty
 // where it is not asked for.
 struct PreparedEvidence {
-  std::vector<std::vector<ObservedContour>> contours;  // per view
-  std::vector<PhotoEvidence> photo;
-  std::vector<std::vector<InnerContour>> inner;  // per view
+  std::vector<std::vector<ObservedContour>> contours;  // per pose and view
+  std::vector<PhotoEvidence> photo;                    // per pose
+  std::vector<std::vector<InnerContour>> inner;        // per pose and view
 };
 
 // `with_pictures`: more than outlines.
@@ -142,6 +142,14 @@ PreparedEvidence PrepareEvidence(const std::vector<PoseResult>& poses,
       observe_contours, prepare_photographs, prepare_inner_contours);
   return prepared;
 }
+
+// Work beside other work, which is waited for also when that fails: a group that
+// goes without would cancel loops halfway, and what follows them would run on
+// what they left.
+struct Building {
+  ~Building() { group.wait(); }
+  tbb::task_group group;
+};
 
 // FitObserved from a template that was read before, of any stature.
 FitResult FitTemplate(
@@ -425,14 +433,14 @@ FitResult Fit(const Capture& capture,
     throw InputError("a fit needs at least two cameras");
   }
   // A file that does not serve is told before the pictures are looked at; the
-  // generic body is built beside that.
+  // generic body is built while they are.
   Body body_template;
-  tbb::task_group building;
+  Building building;
   const auto read_template = [&] {
     body_template = ReadTemplate(options.body_template, progress);
   };
-  if (options.body_template.file == "generic") {
-    building.run(read_template);
+  if (options.body_template.IsGeneric()) {
+    building.group.run(read_template);
   } else {
     read_template();
   }
@@ -441,7 +449,7 @@ FitResult Fit(const Capture& capture,
     observations.push_back(std::make_shared<Observation>(
         Observe(capture, name, camera_ids, options, progress)));
   }
-  building.wait();
+  building.group.wait();
   return FitTemplate(
       observations, camera_ids, std::move(body_template), options, progress);
 }

@@ -43,6 +43,7 @@ struct TemplateSource {
   // "generic" for the one that comes with the program, or a rigged person as
   // binary glTF (see ImportTemplate).
   std::string file = "generic";
+  bool IsGeneric() const { return file == "generic"; }
   std::string names = "auto";  // of its joints, see joint_names.h
 };
 

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <glog/logging.h>
+
 #include <Eigen/Sparse>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
@@ -44,12 +46,13 @@ using SparseMatrix = Eigen::SparseMatrix<double>;
 //   sum w (d_i - target)^2 / sigma^2
 //   + sum (d_i - mean of neighbours)^2 / sigma_smooth^2
 //   + sum d_i^2 / sigma_magnitude^2
-//   + sum (d_i - d_mirror(i) + a_i)^2 / sigma_symmetry^2
-// a_i: by how much the vertex stands out farther than its mirror image.
+//   + sum over pairs (d_i - d_mirror(i) + a_i)^2 / sigma_symmetry^2
+// a_i: by how much the vertex stands out farther than its mirror image, beyond
+// what it does in the template.
 class OffsetSystem {
  public:
-  // `stiffness`: what does not depend on the evidence, and its factorisation
-  // as far as the pattern goes.
+  // `stiffness`: the matrix of what does not depend on the evidence. `solver`
+  // has analysed its pattern.
   OffsetSystem(const SparseMatrix& stiffness,
                Eigen::SimplicialLDLT<SparseMatrix>* solver)
       : stiffness_(stiffness),
@@ -68,12 +71,13 @@ class OffsetSystem {
     right_[mirror] -= weight * difference;
   }
 
-  Eigen::VectorXd Solve() const {
+  Eigen::VectorXd Solve() {
     SparseMatrix matrix = stiffness_;
     for (Eigen::Index i = 0; i < diagonal_.size(); ++i) {
       matrix.coeffRef(i, i) += diagonal_[i];
     }
     solver_->factorize(matrix);
+    CHECK(solver_->info() == Eigen::Success);
     return solver_->solve(right_);
   }
 
@@ -85,7 +89,7 @@ class OffsetSystem {
 };
 
 // People are much the same on both sides: where the evidence is weak, the other
-// side knows. Differences of the template itself are none.
+// side knows. A template may have differences of its own; those stay.
 class Symmetry {
  public:
   Symmetry(const Body& body,
@@ -114,6 +118,8 @@ class Symmetry {
   void AddTo(const Body& body,
              const PosedBody& posed,
              OffsetSystem* system) const {
+    // Along the offsets, which are those of the posture; where it bends a
+    // normal on one side only, that errs by less than the people differ.
     std::vector<Vector3d> normals_at_rest(posed.normals.size());
     for (size_t v = 0; v < normals_at_rest.size(); ++v) {
       normals_at_rest[v] =
@@ -134,8 +140,8 @@ class Symmetry {
     }
   }
 
-  // How far every vertex of a pair stands out beyond the other, half of it on
-  // either side.
+  // How far the first vertex of every pair stands out beyond the second one's
+  // mirror image, along the normals of both; 0 for the other vertices.
   std::vector<double> Apart(const std::vector<Vector3d>& rest,
                             const std::vector<Vector3d>& normals) const {
     const auto beyond = [&](int v, int m) {

@@ -46,7 +46,8 @@ Camera ScaledPinhole(const Camera& camera, double scale) {
 }
 
 // The side of a closed mesh that a camera sees covers what all of it does.
-TriangleMesh FacingSide(const TriangleMesh& mesh, const Vector3d& camera) {
+TriangleMesh FacingSide(const TriangleMesh& mesh,
+                        const Vector3d& camera_in_world) {
   TriangleMesh side;
   side.vertices = mesh.vertices;
   side.triangles.reserve(mesh.triangles.size());
@@ -54,7 +55,7 @@ TriangleMesh FacingSide(const TriangleMesh& mesh, const Vector3d& camera) {
     const Vector3d& a = mesh.vertices[t[0]];
     const Vector3d normal =
         (mesh.vertices[t[1]] - a).cross(mesh.vertices[t[2]] - a);
-    if (normal.dot(camera - a) > 0) side.triangles.push_back(t);
+    if (normal.dot(camera_in_world - a) > 0) side.triangles.push_back(t);
   }
   return side;
 }

@@ -171,7 +171,8 @@ bool SolvePerson(const std::vector<PoseEvidence>& evidence,
   // confidence it does not deserve (sleeves, strong forearms). The lengths
   // between joints stay what landmarks and tables made them.
   problem.HoldLengths(sigma_mode);
-  const bool usable = problem.Solve(outline.max_iterations, report != nullptr);
+  if (report != nullptr) problem.NoteStart();
+  const bool usable = problem.Solve(outline.max_iterations);
   if (report != nullptr) *report = problem.Report();
   // Covariances stay those of landmarks and tables: with lengths held and an
   // outline whose errors are shared along whole limbs, this problem's own would

@@ -804,16 +804,16 @@ LinearAtlas BlendAtlas(const AtlasMap& map,
 // ---------------------------------------------------------------------------
 // Spill
 
-// The channel of the key screen that most views see, -1: none.
-int KeyChannel(const std::vector<PreparedView>& views) {
+// The channel of the key screen that most views see, if they do.
+std::optional<int> SpilledChannel(const std::vector<PreparedView>& views) {
   for (const int channel : {0, 1}) {
     const auto count =
         std::count_if(views.begin(), views.end(), [&](const PreparedView& v) {
           return v.view->key_channel == channel;
         });
-    if (2 * count > static_cast<std::ptrdiff_t>(views.size())) return channel;
+    if (2 * static_cast<std::size_t>(count) > views.size()) return channel;
   }
-  return -1;
+  return std::nullopt;
 }
 
 // The light of a key screen spills onto people: skin turns green, and blue
@@ -821,7 +821,6 @@ int KeyChannel(const std::vector<PreparedView>& views) {
 // compositors do (Wright, Digital Compositing for Film and Video, "despill");
 // strong yellow and cyan, which have as much of it of their own, lose some too.
 Color WithoutSpill(const Color& color, int channel, double share) {
-  if (channel < 0) return color;
   const float limit = 0.5F * (color.sum() - color[channel]);
   Color result = color;
   result[channel] -=
@@ -856,7 +855,7 @@ cv::Mat3b FinishAtlas(const LinearAtlas& atlas,
                       const AtlasMap& map,
                       const std::vector<Facet>& facets,
                       const Fallback& fallback,
-                      int key_channel,
+                      std::optional<int> spilled_channel,
                       double despill) {
   cv::Mat3b finished = cv::Mat3b::zeros(map.facet.size());
   ParallelFor(finished.rows, [&](int y) {
@@ -870,7 +869,9 @@ cv::Mat3b FinishAtlas(const LinearAtlas& atlas,
             atlas, facets[map.facet(y, x)], map.weights(y, x), fallback);
         color = seen * color + (1 - seen) * filled;
       }
-      color = WithoutSpill(color, key_channel, despill);
+      if (spilled_channel) {
+        color = WithoutSpill(color, *spilled_channel, despill);
+      }
       for (int c = 0; c < 3; ++c) finished(y, x)[c] = LinearToSrgb(color[c]);
     }
   });
@@ -1004,15 +1005,17 @@ Texture SolveTexture(
   const AtlasMap map = RasteriseAtlas(facets, options.size);
   const LinearAtlas linear = BlendAtlas(map, facets, surfaces, prepared);
   Texture texture;
-  const int key_channel = KeyChannel(prepared);
-  texture.atlas =
-      FinishAtlas(linear, map, facets, fallback, key_channel, options.despill);
+  std::optional<int> spilled_channel;
+  if (options.despill > 0) spilled_channel = SpilledChannel(prepared);
+  texture.atlas = FinishAtlas(
+      linear, map, facets, fallback, spilled_channel, options.despill);
   texture.confidence = linear.confidence;
   FillGutters(map, &texture.atlas);
 
   Summarise(prepared, seen_share, options.size, progress, summary);
-  if (summary != nullptr && key_channel >= 0) {
-    summary->figures["despilled_channel"] = key_channel == 1 ? "green" : "blue";
+  if (summary != nullptr && spilled_channel) {
+    summary->figures["despilled_channel"] =
+        *spilled_channel == 1 ? "green" : "blue";
   }
   return texture;
 }

@@ -13,7 +13,8 @@ namespace sweepfit {
 
 struct TextureOptions {
   int size = 2048;  // texels along each side of the atlas
-  // How far the light of a key screen is taken off people before one, 0 to 1.
+  // How far the light that a green or blue screen throws on the person is taken
+  // off, 0 to 1.
   double despill = 1;
   std::optional<std::string> Check() const;
 };

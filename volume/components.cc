@@ -152,21 +152,14 @@ std::vector<std::int32_t> LabelInside(const VoxelGraph& graph,
   return label;
 }
 
-// Voxels that count, by component.
-std::vector<std::int64_t> Sizes(
-    const BlockGrid& grid,
-    const std::vector<std::int32_t>& label,
-    int num_components,
-    const std::function<bool(const BlockGrid::Block&)>& counts) {
-  std::vector<char> does_count(grid.blocks().size(), 1);
-  if (counts) {
-    tbb::parallel_for(size_t{0}, does_count.size(), [&](size_t b) {
-      does_count[b] = counts(grid.blocks()[b]);
-    });
-  }
+// Voxels by component, of the blocks that count; `counts` empty: of all.
+std::vector<std::int64_t> Sizes(const std::vector<std::int32_t>& label,
+                                int num_components,
+                                const std::vector<char>& counts) {
   std::vector<std::int64_t> sizes(num_components, 0);
   for (size_t i = 0; i < label.size(); ++i) {
-    if (label[i] >= 0 && does_count[i / kSize]) ++sizes[label[i]];
+    if (label[i] < 0 || (!counts.empty() && counts[i / kSize] == 0)) continue;
+    ++sizes[label[i]];
   }
   return sizes;
 }
@@ -226,19 +219,20 @@ void SpreadLabels(const VoxelGraph& graph,
 
 }  // namespace
 
-ComponentCount KeepLargestComponent(
-    BlockGrid* grid,
-    const std::function<bool(const BlockGrid::Block&)>& counts) {
+ComponentCount KeepLargestComponent(BlockGrid* grid,
+                                    const std::vector<char>& counts) {
   ComponentCount result;
   const auto band = static_cast<float>(grid->band());
   const VoxelGraph graph(*grid);
   std::vector<std::int32_t> label = LabelInside(graph, &result.num_components);
   if (result.num_components <= 1) return result;
 
-  const std::vector<std::int64_t> sizes =
-      Sizes(*grid, label, result.num_components, counts);
+  const std::vector<std::int64_t> counted =
+      Sizes(label, result.num_components, counts);
   const auto largest = static_cast<std::int32_t>(
-      std::max_element(sizes.begin(), sizes.end()) - sizes.begin());
+      std::max_element(counted.begin(), counted.end()) - counted.begin());
+  const std::vector<std::int64_t> sizes =
+      Sizes(label, result.num_components, {});
   std::int64_t dropped = 0;
   for (const std::int64_t size : sizes) dropped += size;
   dropped -= sizes[largest];

@@ -221,6 +221,11 @@ void HullBuilder::AddEvaluated(const Cell& cell,
   if (!empty) blocks->push_back(block);
 }
 
+// Whether so many views are nearly as many as look at the place that most do.
+bool IsNearlyAll(int num_views, int most_views) {
+  return 5 * num_views >= 4 * most_views;
+}
+
 // Keeps the connected part with most cells that more than half of the views
 // vouch for, as compared with the cell that most do, and some that nearly as
 // many do. Where only few cameras look, as just before another camera,
@@ -271,8 +276,7 @@ std::vector<Cell> KeepBestSeen(std::vector<Cell> cells) {
         stack.push_back(found->second);
       }
     }
-    const bool nearly_all = 5 * most_in_part >= 4 * most_views;
-    if (nearly_all && count > best_count) {
+    if (IsNearlyAll(most_in_part, most_views) && count > best_count) {
       best_count = count;
       best_part = num_parts;
     }
@@ -307,30 +311,36 @@ BlockGrid BuildBlocks(const std::vector<SilhouetteCone>& cones,
   return BlockGrid(voxel_size, kBandVoxels * voxel_size, std::move(blocks));
 }
 
-// Keeps the largest part, by the volume of what nearly as many views look at as
-// at the block that most do: see KeepBestSeen, which cells of many large voxels
-// can defeat.
+// Keeps the largest part, by the volume of the blocks that nearly as many views
+// look at as at the block that most do: see KeepBestSeen, which cells of many
+// large voxels can defeat.
 ComponentCount KeepBestSeenPart(const std::vector<SilhouetteCone>& cones,
                                 BlockGrid* grid) {
-  const double side = BlockGrid::kSide * grid->voxel_size();
-  const auto num_views = [&](const BlockGrid::Block& block) {
+  const std::vector<BlockGrid::Block>& blocks = grid->blocks();
+  const double voxel = grid->voxel_size();
+  constexpr double kHalf = 0.5 * (BlockGrid::kSide - 1);
+  std::vector<int> num_views(blocks.size(), 0);
+  tbb::parallel_for(size_t{0}, blocks.size(), [&](size_t b) {
+    const BlockGrid::BlockValues& values = blocks[b].values;
+    if (*std::min_element(values.begin(), values.end()) >= 0) return;
     const Eigen::Vector3d center =
-        side * (block.index.cast<double>().array() + 0.5).matrix();
-    int count = 0;
+        voxel *
+        (BlockGrid::kSide * blocks[b].index.cast<double>().array() + kHalf)
+            .matrix();
     for (const SilhouetteCone& cone : cones) {
       double phi = 0;
-      count += cone.EvaluateBall(center, 0.5 * side, &phi) !=
-               SilhouetteCone::Sees::kNothing;
+      num_views[b] +=
+          cone.EvaluateBall(center, std::sqrt(3.0) * kHalf * voxel, &phi) !=
+          SilhouetteCone::Sees::kNothing;
     }
-    return count;
-  };
-  int most_views = 0;
-  for (const BlockGrid::Block& block : grid->blocks()) {
-    most_views = std::max(most_views, num_views(block));
-  }
-  return KeepLargestComponent(grid, [&](const BlockGrid::Block& block) {
-    return 5 * num_views(block) >= 4 * most_views;
   });
+  int most_views = 0;
+  for (const int count : num_views) most_views = std::max(most_views, count);
+  std::vector<char> counts(blocks.size());
+  for (size_t b = 0; b < blocks.size(); ++b) {
+    counts[b] = IsNearlyAll(num_views[b], most_views);
+  }
+  return KeepLargestComponent(grid, counts);
 }
 
 // A volume that explains little of most silhouettes is a phantom of some.
@@ -416,7 +426,7 @@ Volume BuildVisualHull(const std::vector<View>& views,
     char text[160];
     std::snprintf(text,
                   sizeof text,
-                  "the hull has %d parts; %.1f l outside the largest (%.1f l) "
+                  "the hull has %d parts; %.1f l outside the person's (%.1f l) "
                   "were dropped",
                   components.num_components,
                   1e3 * components.dropped_volume,

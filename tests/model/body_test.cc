@@ -140,7 +140,7 @@ TEST(BodyTest, MotionsAreRigidAndPoseTheVertices) {
   const Pose pose = RandomPose(0.9, 4);
   const std::vector<Eigen::Vector3d> rest = RestVertices(body);
   const std::vector<Eigen::Vector3d> posed = PoseVertices(body, pose);
-  const std::vector<VertexMotion> motions = VertexMotions(body, pose);
+  const std::vector<VertexMotion> motions = BodyDeformer(body).Motions(pose);
   for (int v = 0; v < body.num_vertices(); ++v) {
     EXPECT_LT(
         (posed[v] - motions[v].rotation * rest[v] - motions[v].translation)
@@ -169,7 +169,7 @@ TEST(BodyTest, BlendOfTwoSectionsLiesBetweenThem) {
   on_arm.u = 0;
   binding.attachment = {on_trunk, on_arm, SweepAttachment()};
   body.binding.front() = binding;
-  const VertexMotion motion = VertexMotions(body, pose).front();
+  const VertexMotion motion = BodyDeformer(body).Motions(pose).front();
   EXPECT_LT(
       (motion.rotation - Eigen::AngleAxisd(0.4, up).toRotationMatrix()).norm(),
       1e-12);

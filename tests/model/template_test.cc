@@ -562,7 +562,7 @@ TEST(TemplateTest, BendingTurnsNoQuadInsideOutAwayFromTheFold) {
   const Body& body = Man();
   const auto rest = RestVertices(body);
   const auto posed = PoseVertices(body, pose);
-  const auto motion = VertexMotions(body, pose);
+  const auto motion = BodyDeformer(body).Motions(pose);
   const auto joint = RestFrames(body.skeleton).joint_in_world;
   const double fold = 0.05 * body.stature;
   for (const Quad& quad : body.topology.quads) {

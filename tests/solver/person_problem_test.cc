@@ -50,13 +50,15 @@ class PriorsAndLandmarks : public ::testing::Test {
 };
 
 TEST_F(PriorsAndLandmarks, DecideAllUnknowns) {
-  EXPECT_TRUE(problem_->Solve(10, true));
+  problem_->NoteStart();
+  EXPECT_TRUE(problem_->Solve(10));
   ExpectUnknowns(angles_.num_parameters() + kNumLengthGroups + 2);
 }
 
 TEST_F(PriorsAndLandmarks, DecideTheEndBonesWhenTheOthersAreHeld) {
   problem_->HoldLengths(true);
-  EXPECT_TRUE(problem_->Solve(10, true));
+  problem_->NoteStart();
+  EXPECT_TRUE(problem_->Solve(10));
   ExpectUnknowns(angles_.num_parameters() + 3);
   // The crown moves with the length of its own bone; the wrist is held.
   EXPECT_GT(problem_->JointDerivative(0, kHeadEnd).rightCols(3).norm(), 0.01);
@@ -65,7 +67,8 @@ TEST_F(PriorsAndLandmarks, DecideTheEndBonesWhenTheOthersAreHeld) {
 
 TEST_F(PriorsAndLandmarks, DecideThePoseAloneWhenAllLengthsAreHeld) {
   problem_->HoldLengths(false);
-  EXPECT_TRUE(problem_->Solve(10, true));
+  problem_->NoteStart();
+  EXPECT_TRUE(problem_->Solve(10));
   ExpectUnknowns(angles_.num_parameters());
 }
 

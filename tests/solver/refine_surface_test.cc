@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <vector>
@@ -31,7 +32,7 @@ class SwollenThighs : public ::testing::Test {
     for (size_t v = 0; v < rest_.size(); ++v) {
       const bool is_left = rest_[v].x() > 0;
       const Vector3d out(std::abs(rest_[v].x()), rest_[v].y(), rest_[v].z());
-      const double distance = (out - kMiddle).norm() / kReach;
+      const double distance = (out - middle_).norm() / kReach;
       const double swelling = is_left ? kLeft : kRight;
       move[v] = swelling * std::exp(-distance * distance) * normals[v];
     }
@@ -73,7 +74,7 @@ class SwollenThighs : public ::testing::Test {
     double farthest = 0;
     for (size_t v = 0; v < rest_.size(); ++v) {
       if ((rest_[v].x() > 0) != is_left) continue;
-      if (std::abs(rest_[v].y() - kMiddle.y()) > 0.3 * kReach) continue;
+      if (std::abs(rest_[v].y() - middle_.y()) > 0.3 * kReach) continue;
       farthest = std::max(farthest, std::abs(now[v].x()));
     }
     return farthest;
@@ -81,7 +82,7 @@ class SwollenThighs : public ::testing::Test {
 
   static constexpr double kLeft = 0.012, kRight = 0.004;  // metres
   static constexpr double kReach = 0.1;
-  const Vector3d kMiddle{0.17, -0.25, 0};
+  const Vector3d middle_{0.17, -0.25, 0};
 
   Body body_, swollen_;
   std::vector<Vector3d> rest_;
@@ -105,14 +106,10 @@ TEST_F(SwollenThighs, SymmetryYieldsToTheOutlines) {
 // A template may be made with one leg thicker than the other.
 TEST_F(SwollenThighs, DifferencesOfTheTemplateStay) {
   const double truth = Swelling(swollen_, true) - Swelling(swollen_, false);
+  std::vector<Vector3d> inwards = NormalsAtRest();
+  for (Vector3d& move : inwards) move *= -0.003;
   Body thinner = swollen_;
-  DisplaceAtRest(
-      [this] {
-        std::vector<Vector3d> move = NormalsAtRest();
-        for (Vector3d& m : move) m *= -0.003;
-        return move;
-      }(),
-      &thinner);
+  DisplaceAtRest(inwards, &thinner);
   EXPECT_NEAR(
       Difference(thinner, RestVertices(swollen_), 1e-4), truth, 0.15 * truth);
 }
