@@ -22,6 +22,15 @@ constexpr float kMinChroma = 12;  // of anything that may be a screen
 float Chroma(const cv::Vec3f& lab) { return std::hypot(lab[1], lab[2]); }
 float Hue(const cv::Vec3f& lab) { return std::atan2(lab[2], lab[1]); }
 
+// Hue angles (Lab) of saturated sRGB green and blue, and how far from them a
+// screen may be.
+constexpr double kGreenHue = 136 * kPi / 180, kBlueHue = -54 * kPi / 180;
+constexpr double kNamedReach = 45 * kPi / 180;
+
+bool HasHue(const cv::Vec3f& lab, double hue, double reach) {
+  return std::abs(std::remainder(Hue(lab) - hue, 2 * kPi)) <= reach;
+}
+
 std::vector<cv::Vec3f> BorderColours(const cv::Mat3f& lab) {
   const int frame = std::max(2, std::min(lab.rows, lab.cols) / 40);
   std::vector<cv::Vec3f> colours;
@@ -78,20 +87,19 @@ float SquaredFromScreen(const cv::Vec3f& colour, const cv::Vec3f& screen) {
 
 KeyScreen FindKeyScreen(const cv::Mat3b& picture, const std::string& key) {
   CHECK(key == "green" || key == "blue" || key == "auto") << key;
-  constexpr double kNamedReach = 45 * kPi / 180, kFoundReach = 25 * kPi / 180;
+  constexpr double kFoundReach = 25 * kPi / 180;
   constexpr double kSmallestShare = 0.02, kSmallestFoundShare = 0.4;
   const std::vector<cv::Vec3f> border =
       BorderColours(ToSmoothLab(ToLinear(picture)));
   const bool is_named = key != "auto";
-  // Hue angles (Lab) of saturated sRGB green and blue.
-  const double hue = key == "green"  ? 136 * kPi / 180
-                     : key == "blue" ? -54 * kPi / 180
+  const double hue = key == "green"  ? kGreenHue
+                     : key == "blue" ? kBlueHue
                                      : FrequentHue(border);
   const double reach = is_named ? kNamedReach : kFoundReach;
   std::vector<float> l, a, b;
   for (const cv::Vec3f& colour : border) {
     if (Chroma(colour) < kMinChroma) continue;
-    if (std::abs(std::remainder(Hue(colour) - hue, 2 * kPi)) > reach) continue;
+    if (!HasHue(colour, hue, reach)) continue;
     l.push_back(colour[0]);
     a.push_back(colour[1]);
     b.push_back(colour[2]);
@@ -109,16 +117,9 @@ KeyScreen FindKeyScreen(const cv::Mat3b& picture, const std::string& key) {
 }
 
 std::optional<int> KeyChannel(const KeyScreen& screen) {
-  // CIELAB hues of screens, degrees; painted ones differ.
-  constexpr std::array<double, 2> kHue = {-60, 140};
-  constexpr double kReach = 40;
   if (!screen.found) return std::nullopt;
-  const double hue = std::atan2(screen.lab[2], screen.lab[1]) * 180 / kPi;
-  for (int channel = 0; channel < 2; ++channel) {
-    if (std::abs(std::remainder(hue - kHue[channel], 360)) < kReach) {
-      return channel;
-    }
-  }
+  if (HasHue(screen.lab, kBlueHue, kNamedReach)) return 0;
+  if (HasHue(screen.lab, kGreenHue, kNamedReach)) return 1;
   return std::nullopt;
 }
 

@@ -42,6 +42,15 @@ bool IsDetail(BodyPart part) {
 
 using SparseMatrix = Eigen::SparseMatrix<double>;
 
+// The posture's normals turned back to rest: the directions of the offsets.
+std::vector<Vector3d> OffsetDirections(const PosedBody& posed) {
+  std::vector<Vector3d> directions(posed.normals.size());
+  for (size_t v = 0; v < directions.size(); ++v) {
+    directions[v] = posed.motions[v].rotation.transpose() * posed.normals[v];
+  }
+  return directions;
+}
+
 // Least squares for one offset per vertex along its normal:
 //   sum w (d_i - target)^2 / sigma^2
 //   + sum (d_i - mean of neighbours)^2 / sigma_smooth^2
@@ -115,18 +124,12 @@ class Symmetry {
     return matrix;
   }
 
+  // Where the posture bends a normal on one side only, measuring along the
+  // offsets errs by less than the people differ.
   void AddTo(const Body& body,
-             const PosedBody& posed,
+             const std::vector<Vector3d>& directions,
              OffsetSystem* system) const {
-    // Along the offsets, which are those of the posture; where it bends a
-    // normal on one side only, that errs by less than the people differ.
-    std::vector<Vector3d> normals_at_rest(posed.normals.size());
-    for (size_t v = 0; v < normals_at_rest.size(); ++v) {
-      normals_at_rest[v] =
-          posed.motions[v].rotation.transpose() * posed.normals[v];
-    }
-    const std::vector<double> apart =
-        Apart(RestVertices(body), normals_at_rest);
+    const std::vector<double> apart = Apart(RestVertices(body), directions);
     ForEachPair([&](int v, int m) {
       system->PullApart(v, m, reference_apart_[v] - apart[v], weight_);
     });
@@ -267,16 +270,13 @@ void AddTargets(const PoseEvidence& evidence,
   }
 }
 
-// Moves vertices by offsets along their posed normals.
 void ApplyOffsets(const Eigen::VectorXd& offset,
-                  const PosedBody& posed,
+                  std::vector<Vector3d> directions,
                   Body* body) {
-  std::vector<Vector3d> move(body->num_vertices());
-  for (size_t v = 0; v < move.size(); ++v) {
-    move[v] = posed.motions[v].rotation.transpose() * posed.normals[v] *
-              offset[static_cast<Eigen::Index>(v)];
+  for (size_t v = 0; v < directions.size(); ++v) {
+    directions[v] *= offset[static_cast<Eigen::Index>(v)];
   }
-  DisplaceAtRest(move, body);
+  DisplaceAtRest(directions, body);
 }
 
 }  // namespace
@@ -338,7 +338,9 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
                               kPhotoStep,
                               kInnerReach});
     OffsetSystem system(stiffness, &solver);
-    symmetry.AddTo(*body, standing.posed.front(), &system);
+    const std::vector<Vector3d> directions =
+        OffsetDirections(standing.posed.front());
+    symmetry.AddTo(*body, directions, &system);
     for (size_t p = 0; p < evidence.size(); ++p) {
       AddTargets(evidence[p],
                  standing.rims[p],
@@ -348,7 +350,7 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
                  &system);
     }
     Body candidate = *body;
-    ApplyOffsets(system.Solve(), standing.posed.front(), &candidate);
+    ApplyOffsets(system.Solve(), directions, &candidate);
     StandingBody moved = Stand(evidence, joints, candidate, kRimReach);
     // A refinement that does not bring the outlines closer is not kept.
     if (!(moved.rim_error < standing.rim_error)) break;

@@ -227,15 +227,14 @@ ComponentCount KeepLargestComponent(BlockGrid* grid,
   std::vector<std::int32_t> label = LabelInside(graph, &result.num_components);
   if (result.num_components <= 1) return result;
 
-  const std::vector<std::int64_t> counted =
+  const std::vector<std::int64_t> sizes =
       Sizes(label, result.num_components, counts);
   const auto largest = static_cast<std::int32_t>(
-      std::max_element(counted.begin(), counted.end()) - counted.begin());
-  const std::vector<std::int64_t> sizes =
-      Sizes(label, result.num_components, {});
-  std::int64_t dropped = 0;
-  for (const std::int64_t size : sizes) dropped += size;
-  dropped -= sizes[largest];
+      std::max_element(sizes.begin(), sizes.end()) - sizes.begin());
+  const auto dropped =
+      std::count_if(label.begin(), label.end(), [&](std::int32_t of_voxel) {
+        return of_voxel >= 0 && of_voxel != largest;
+      });
   const double voxel = grid->voxel_size();
   result.dropped_volume = static_cast<double>(dropped) * voxel * voxel * voxel;
 
