@@ -3,7 +3,6 @@
 // The command `sweepfit`. Exit status: 0 done, 1 the fit failed, 2 bad usage or
 // bad input.
 #include <glog/logging.h>
-#include <malloc.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -25,17 +24,6 @@ constexpr int kBadInput = 2;
 int Report(const std::string& text, int status) {
   std::fprintf(stderr, "sweepfit: error: %s\n", OneLine(text).c_str());
   return status;
-}
-
-// Pictures and matrices of megabytes come and go all the time. Given back to
-// the system and asked for again they cost a second of page faults a fit.
-void KeepFreedMemory() {
-#ifdef __GLIBC__
-  constexpr int kOneGigabyte = 1 << 30;
-  mallopt(M_MMAP_THRESHOLD, kOneGigabyte);
-  mallopt(M_TRIM_THRESHOLD, kOneGigabyte);
-  mallopt(M_TOP_PAD, 64 << 20);
-#endif
 }
 
 void SilenceLibraries(const char* program) {
@@ -101,7 +89,6 @@ int Run(int argc, char** argv) {
 }  // namespace sweepfit
 
 int main(int argc, char** argv) {
-  sweepfit::KeepFreedMemory();
   sweepfit::SilenceLibraries(argv[0]);
   return sweepfit::Run(argc, argv);
 }

@@ -42,7 +42,8 @@ install_build_packages() {
     libopencv-dev libopenvdb-dev libtbb-dev libboost-iostreams-dev zlib1g-dev \
     libblosc-dev libopenmesh-dev libcli11-dev libyaml-cpp-dev \
     nlohmann-json3-dev libtomlplusplus-dev libtinygltf-dev libembree-dev \
-    libnanoflann-dev libwebp-dev libgtest-dev libgmock-dev libbenchmark-dev
+    libnanoflann-dev libwebp-dev libjemalloc-dev libgtest-dev libgmock-dev \
+    libbenchmark-dev
 }
 
 # build TARGET...: configures the preset "release" and builds.
