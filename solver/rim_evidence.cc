@@ -27,6 +27,8 @@ constexpr double kOutlineTolerance = 1.6;  // pixels of the drawn outline
 constexpr double kRivalReach = 0.013;
 constexpr double kRivalDistance = 0.08;
 constexpr double kRivalAgreement = 0.8;  // cosine of the normals
+// The outline is that of the rival that lies this much further outside, pixels.
+constexpr double kRivalOutside = 0.15;
 
 // Views are opposite whose axes, seen from above, are: the cosine between them.
 constexpr double kOpposite = -0.9;
@@ -104,18 +106,31 @@ bool AreOpposite(const View& a, const View& b) {
          of_a.normalized().dot(of_b.normalized()) < kOpposite;
 }
 
-bool HasRival(const PosedBody& body,
-              const std::vector<RimPoint>& turning,
-              double focal_length,
-              const RimPoint& rim) {
+// Whether other parts' rims run beside one, and whether one of them lies
+// further outside: then the outline is that other one's.
+struct Rivals {
+  bool any = false;
+  bool outside = false;
+};
+
+Rivals FindRivals(const PosedBody& body,
+                  const std::vector<RimPoint>& turning,
+                  double focal_length,
+                  const RimPoint& rim) {
   const double reach = kRivalReach * focal_length / rim.depth;
-  const auto is_rival = [&](const RimPoint& other) {
-    return (other.pixel - rim.pixel).squaredNorm() < reach * reach &&
-           other.normal.dot(rim.normal) > kRivalAgreement &&
-           (body.mesh.vertices[other.vertex] - body.mesh.vertices[rim.vertex])
-                   .norm() > kRivalDistance;
-  };
-  return std::any_of(turning.begin(), turning.end(), is_rival);
+  Rivals rivals;
+  for (const RimPoint& other : turning) {
+    const Vector2d offset = other.pixel - rim.pixel;
+    if (offset.squaredNorm() >= reach * reach) continue;
+    if (other.normal.dot(rim.normal) <= kRivalAgreement) continue;
+    if ((body.mesh.vertices[other.vertex] - body.mesh.vertices[rim.vertex])
+            .norm() <= kRivalDistance) {
+      continue;
+    }
+    rivals.any = true;
+    rivals.outside |= offset.dot(rim.normal) > kRivalOutside;
+  }
+  return rivals;
 }
 
 std::vector<RimPoint> FindRim(const PosedBody& body,
@@ -142,18 +157,19 @@ std::vector<RimPoint> FindRim(const PosedBody& body,
     if (outline.distance(pixel) > kOutlineTolerance) continue;
     rim.push_back(*point);
   }
-  if (!rim.empty()) {
-    const double spacing = outline.length / static_cast<double>(rim.size());
-    for (RimPoint& point : rim) {
-      if (rival_weight < 1 &&
-          HasRival(body, turning, view.camera.FocalLength(), point)) {
-        point.trust = rival_weight;
-      }
-      point.weight =
-          point.trust * std::min(1.0, spacing / kContourCorrelationPixels);
-    }
+  if (rim.empty()) return rim;
+  const double spacing = outline.length / static_cast<double>(rim.size());
+  std::vector<RimPoint> seen;
+  for (RimPoint& point : rim) {
+    const Rivals rivals =
+        FindRivals(body, turning, view.camera.FocalLength(), point);
+    if (rivals.outside) continue;
+    if (rivals.any) point.trust = rival_weight;
+    point.weight =
+        point.trust * std::min(1.0, spacing / kContourCorrelationPixels);
+    seen.push_back(point);
   }
-  return rim;
+  return seen;
 }
 
 // Pairs are found by distance, where a difference of normals counts as well:

@@ -94,9 +94,11 @@ struct RimEvidence {
 
 // Finds the rim of the posed body in every view (contour generator on the
 // outline of the body) and pairs it with the observed contours. A pair must lie
-// within max_distance pixels and its normals within 60 degrees. Rims of two
-// parts that run side by side (one leg before the other, an arm before the
-// flank) count as `options` says.
+// within max_distance pixels and its normals within 60 degrees. Of two parts
+// whose rims run side by side (one leg before the other, an arm before the
+// small of the back) the outline shows the outer one: the inner one is left
+// out, or the outline would draw it outwards. The outer one counts as `options`
+// says.
 RimEvidence GatherRimEvidence(const PosedBody& body,
                               const std::vector<Quad>& quads,
                               const std::vector<View>& views,
