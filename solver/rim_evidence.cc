@@ -137,6 +137,7 @@ std::vector<RimPoint> FindRim(const PosedBody& body,
                               const std::vector<Quad>& quads,
                               const View& view,
                               int view_index,
+                              bool has_opposite,
                               double rival_weight) {
   const Camera scaled =
       CropToMesh(ScaledPinhole(view.camera, kOutlineScale), body.mesh);
@@ -159,17 +160,16 @@ std::vector<RimPoint> FindRim(const PosedBody& body,
   }
   if (rim.empty()) return rim;
   const double spacing = outline.length / static_cast<double>(rim.size());
-  std::vector<RimPoint> seen;
   for (RimPoint& point : rim) {
     const Rivals rivals =
         FindRivals(body, turning, view.camera.FocalLength(), point);
-    if (rivals.outside) continue;
-    if (rivals.any) point.trust = rival_weight;
+    if (rivals.outside || (rivals.any && has_opposite)) {
+      point.trust = rival_weight;
+    }
     point.weight =
         point.trust * std::min(1.0, spacing / kContourCorrelationPixels);
-    seen.push_back(point);
   }
-  return seen;
+  return rim;
 }
 
 // Pairs are found by distance, where a difference of normals counts as well:
@@ -364,7 +364,8 @@ RimEvidence GatherRimEvidence(const PosedBody& body,
                          quads,
                          views[v],
                          static_cast<int>(v),
-                         has_opposite[v] ? options.rival_weight : 1.0);
+                         has_opposite[v],
+                         options.rival_weight);
     PairContour(result.rim,
                 contours[v],
                 max_distance,

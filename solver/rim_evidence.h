@@ -75,9 +75,10 @@ std::vector<bool> HaveOpposite(const std::vector<View>& views);
 int NumOutlines(const std::vector<View>& views);
 
 struct OutlineOptions {
-  // Weight of a rim that runs beside another part's, in views with an opposite
-  // one: the outline is that of one of the two parts, and the opposite view
-  // sees it with the other one in front.
+  // Weight of a rim that runs beside another part's. The outline shows the
+  // outer one of the two and would draw the inner one outwards, so the inner
+  // one has this weight. Both have it in views with an opposite one, which sees
+  // the same outline with the other part in front.
   double rival_weight = 0.2;
   std::optional<std::string> Check() const;
 };
@@ -94,11 +95,9 @@ struct RimEvidence {
 
 // Finds the rim of the posed body in every view (contour generator on the
 // outline of the body) and pairs it with the observed contours. A pair must lie
-// within max_distance pixels and its normals within 60 degrees. Of two parts
-// whose rims run side by side (one leg before the other, an arm before the
-// small of the back) the outline shows the outer one: the inner one is left
-// out, or the outline would draw it outwards. The outer one counts as `options`
-// says.
+// within max_distance pixels and its normals within 60 degrees. Rims of two
+// parts that run side by side (one leg before the other, an arm before the
+// small of the back) count as `options` says.
 RimEvidence GatherRimEvidence(const PosedBody& body,
                               const std::vector<Quad>& quads,
                               const std::vector<View>& views,

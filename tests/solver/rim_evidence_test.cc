@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <vector>
 
 #include "model/template.h"
@@ -80,6 +81,41 @@ TEST_F(OwnOutline, OppositeCamerasShareTheOutlineOfLegsSideBySide) {
   EXPECT_GT(LegShare(Look({kLeft, kFront})), 0.99);
   // As asked for.
   EXPECT_GT(LegShare(Look({kLeft, kRight}, {.rival_weight = 1})), 0.99);
+}
+
+TEST_F(OwnOutline, InnerOfTwoRimsSideBySideSaysLittle) {
+  // Turned so far that from the left one leg's rim runs just inside the
+  // other's.
+  Pose pose;
+  pose.root_in_world = {0, 0.95, 0};
+  pose.rotation[0] = Eigen::AngleAxisd(0.04, Vector3d::UnitY());
+  posed_ = PoseForFit(body_, pose);
+  const auto legs = [&](const OutlineOptions& options) {
+    std::vector<RimPoint> rims;
+    for (const RimPoint& rim : Look({kLeft}, options).rim) {
+      if (IsLowerLeg(rim.vertex)) rims.push_back(rim);
+    }
+    return rims;
+  };
+  int num_inner = 0, num_outer = 0;
+  const std::vector<RimPoint> rims = legs({.rival_weight = 0.2});
+  for (const RimPoint& rim : rims) {
+    const bool is_inner =
+        std::any_of(rims.begin(), rims.end(), [&](const RimPoint& other) {
+          const Eigen::Vector2d offset = other.pixel - rim.pixel;
+          return posed_.mesh.vertices[rim.vertex].x() *
+                         posed_.mesh.vertices[other.vertex].x() <
+                     0 &&
+                 offset.norm() < 3 && other.normal.dot(rim.normal) > 0.9 &&
+                 offset.dot(rim.normal) > 0.5;
+        });
+    if (is_inner) EXPECT_EQ(rim.trust, 0.2);
+    num_inner += is_inner;
+    num_outer += rim.trust == 1;
+  }
+  EXPECT_GT(num_inner, 0);
+  EXPECT_GT(num_outer, num_inner);
+  for (const RimPoint& rim : legs({.rival_weight = 1})) EXPECT_EQ(rim.trust, 1);
 }
 
 std::vector<View> Stand(const std::vector<Vector3d>& places) {
