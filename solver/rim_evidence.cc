@@ -106,31 +106,24 @@ bool AreOpposite(const View& a, const View& b) {
          of_a.normalized().dot(of_b.normalized()) < kOpposite;
 }
 
-// Whether other parts' rims run beside one, and whether one of them lies
-// further outside: then the outline is that other one's.
-struct Rivals {
-  bool any = false;
-  bool outside = false;
-};
-
-Rivals FindRivals(const PosedBody& body,
-                  const std::vector<RimPoint>& turning,
-                  double focal_length,
-                  const RimPoint& rim) {
+// Whether the outline at a rim may be that of another part whose rim runs
+// beside it: the outer one, or either where an opposite view sees the same
+// outline.
+bool HasRival(const PosedBody& body,
+              const std::vector<RimPoint>& turning,
+              double focal_length,
+              bool has_opposite,
+              const RimPoint& rim) {
   const double reach = kRivalReach * focal_length / rim.depth;
-  Rivals rivals;
-  for (const RimPoint& other : turning) {
+  const auto is_rival = [&](const RimPoint& other) {
     const Vector2d offset = other.pixel - rim.pixel;
-    if (offset.squaredNorm() >= reach * reach) continue;
-    if (other.normal.dot(rim.normal) <= kRivalAgreement) continue;
-    if ((body.mesh.vertices[other.vertex] - body.mesh.vertices[rim.vertex])
-            .norm() <= kRivalDistance) {
-      continue;
-    }
-    rivals.any = true;
-    rivals.outside |= offset.dot(rim.normal) > kRivalOutside;
-  }
-  return rivals;
+    return offset.squaredNorm() < reach * reach &&
+           (has_opposite || offset.dot(rim.normal) > kRivalOutside) &&
+           other.normal.dot(rim.normal) > kRivalAgreement &&
+           (body.mesh.vertices[other.vertex] - body.mesh.vertices[rim.vertex])
+                   .norm() > kRivalDistance;
+  };
+  return std::any_of(turning.begin(), turning.end(), is_rival);
 }
 
 std::vector<RimPoint> FindRim(const PosedBody& body,
@@ -161,9 +154,9 @@ std::vector<RimPoint> FindRim(const PosedBody& body,
   if (rim.empty()) return rim;
   const double spacing = outline.length / static_cast<double>(rim.size());
   for (RimPoint& point : rim) {
-    const Rivals rivals =
-        FindRivals(body, turning, view.camera.FocalLength(), point);
-    if (rivals.outside || (rivals.any && has_opposite)) {
+    if (rival_weight < 1 &&
+        HasRival(
+            body, turning, view.camera.FocalLength(), has_opposite, point)) {
       point.trust = rival_weight;
     }
     point.weight =
