@@ -79,10 +79,7 @@ class Segmenter {
       evidence_.on_frame = BorderShare(view.coverage);
       result.quality = JudgeView(evidence_);
     }
-    if (entry_.chroma_key) {
-      view.key_channel = KeyChannel(
-          screen_.found ? screen_ : FindKeyScreen(small_, *entry_.chroma_key));
-    }
+    view.key_channel = KeyChannel(screen_);
     view.quality = result.quality.value;
     result.evidence = evidence_;
     if (view.quality >= kLeastQuality) {
@@ -123,6 +120,8 @@ class Segmenter {
         1,
         cvRound(std::min(picture_.cols, picture_.rows) / double{kSmallSide}));
     small_ = Small(picture_);
+    // Looked for in any mode: its light is on the person all the same.
+    if (entry_.chroma_key) screen_ = FindKeyScreen(small_, *entry_.chroma_key);
     const bool has_mask = pose_.masks.count(entry_.camera.id) > 0;
     const std::string& mode = options_.mode;
     if (mode == "masks") Need(has_mask, "a mask");
@@ -140,7 +139,9 @@ class Segmenter {
           "cannot be found in the picture");
     }
     if (has_plate && mode != "chroma") LoadPlate();
-    if (has_key && mode != "plate") FindScreen();
+    if (screen_.found && mode != "plate") {
+      small_screen_ = FillScreen(small_, screen_);
+    }
     if (!is_auto) return {mode, "asked for"};
     if (!has_key) return {"plate", "there is a plate"};
     if (!has_plate) return {"chroma", "there is a key and no plate"};
@@ -185,11 +186,6 @@ class Segmenter {
     constexpr double kSoundL = 1, kSoundAb = 0.8;
     evidence_.noise_ratio =
         std::max({1.0, noise.sigma_l / kSoundL, noise.sigma_ab / kSoundAb});
-  }
-
-  void FindScreen() {
-    screen_ = FindKeyScreen(small_, *entry_.chroma_key);
-    if (screen_.found) small_screen_ = FillScreen(small_, screen_);
   }
 
   // Evidence of the part of the picture, at low or full resolution. Where
@@ -243,15 +239,15 @@ class Segmenter {
                cv::getStructuringElement(cv::MORPH_RECT,
                                          {2 * kClear + 1, 2 * kClear + 1}));
     const cv::Mat1b is_person = Enlarge(grown, part, cv::INTER_NEAREST);
-    const BackgroundEvidence evidence =
-        Evidence(mode,
-                 linear,
-                 mode == "chroma" ? PlateModel() : plate_(part),
-                 screen_.found
-                     ? cv::Mat3f(Enlarge(small_screen_, part, cv::INTER_LINEAR))
-                     : cv::Mat3f(),
-                 is_person == 0,
-                 AtFeet(is_person));
+    const BackgroundEvidence evidence = Evidence(
+        mode,
+        linear,
+        mode == "chroma" ? PlateModel() : plate_(part),
+        small_screen_.empty()
+            ? cv::Mat3f()
+            : cv::Mat3f(Enlarge(small_screen_, part, cv::INTER_LINEAR)),
+        is_person == 0,
+        AtFeet(is_person));
     const cv::Mat1b mask = PersonMask(evidence, options_, &evidence_.stray);
     evidence_.outline_contrast =
         OutlineContrast(mask, evidence.change, evidence.sigma_l);
