@@ -32,8 +32,8 @@ struct LocalOptions {
   int rounds_two_outlines = 7;   // where views see fewer than three outlines
   double sigma_rim = 0.0015;     // metres
   double sigma_hull = 0.0015;    // metres beyond the hull
-  double sigma_around = 0.05;    // second difference of q around a section
-  double sigma_along = 0.10;     // and along the sweep
+  double sigma_around = 0.1;     // second difference of q around a section
+  double sigma_along = 0.2;      // and along the sweep
   double sigma_magnitude = 0.7;  // of q itself
   double sigma_symmetry = 0.01;  // of q between left and right
   std::optional<std::string> Check() const;

@@ -14,8 +14,8 @@ namespace sweepfit {
 std::optional<std::string> PhotoEvidenceOptions::Check() const {
   if (!(sigma > 0)) return "photo.sigma must be positive";
   if (!(weight > 0)) return "photo.weight must be positive";
-  for (const double share : {slope, slope_two_views}) {
-    if (!(share >= 0 && share <= 1)) return "photo.slope* must be 0 to 1";
+  for (const double share : {lightness, lightness_two_views}) {
+    if (!(share >= 0)) return "photo.lightness* must not be negative";
   }
   return std::nullopt;
 }
@@ -31,8 +31,9 @@ PhotoEvidence::PhotoEvidence(const std::vector<View>& views,
                              const PhotoEvidenceOptions& options) {
   PatchOptions patch;
   patch.spacing = PixelSize(views, 0.5 * (hull.BoxMin() + hull.BoxMax()));
-  patch.slope = options.slope;
-  patch.slope_two_views = options.slope_two_views;
+  patch.with_slope = false;
+  patch.lightness = options.lightness;
+  patch.lightness_two_views = options.lightness_two_views;
   // Between cameras far apart the surface is seen at a slant.
   patch.min_facing = 0.2;
   impl_ =

@@ -19,9 +19,9 @@ struct PhotoEvidenceOptions {
   bool enabled = true;
   double sigma = 0.0015;  // of a matched point, metres
   double weight = 0.3;    // neighbouring patches overlap
-  // How far slopes of lightness count (PatchOptions).
-  double slope = 0.2;
-  double slope_two_views = 0.6;
+  // How much equal lightness counts (PatchOptions).
+  double lightness = 0.4;
+  double lightness_two_views = 1;
   std::optional<std::string> Check() const;
 };
 

@@ -13,6 +13,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "capture/colour.h"
+#include "capture/exposure.h"
 #include "capture/render.h"
 #include "model/median.h"
 #include "model/mesh.h"
@@ -572,14 +573,8 @@ ObservationsPerVertex ObserveVertices(
   return observations;
 }
 
-// What one view says of the brightness of a vertex in one channel.
-struct LogBrightness {
-  int view;
-  double value;  // ln of the coarse colour
-  double quality;
-};
-
-// Per vertex, of the views that show it neither too dark nor too bright.
+// ln of the coarse colour in one channel, per vertex, of the views that show it
+// neither too dark nor too bright.
 std::vector<std::vector<LogBrightness>> LogBrightnesses(
     const ObservationsPerVertex& observations, int channel) {
   std::vector<std::vector<LogBrightness>> all(observations.size());
@@ -594,51 +589,15 @@ std::vector<std::vector<LogBrightness>> LogBrightnesses(
   return all;
 }
 
-// Log gains a of one channel: minimises
-//   sum rho((a_i + ln I_i - a_j - ln I_j) / sigma) + sum a_i^2 / prior^2
-// over all pairs of views of all vertices, rho Huber's, by reweighting.
-Eigen::VectorXd SolveLogGains(const ObservationsPerVertex& observations,
-                              int num_views,
-                              int channel) {
-  const std::vector<std::vector<LogBrightness>> brightness =
-      LogBrightnesses(observations, channel);
-  Eigen::VectorXd gain = Eigen::VectorXd::Zero(num_views);
-  constexpr int kIterations = 10;
-  for (int iteration = 0; iteration < kIterations; ++iteration) {
-    const double prior = 1 / (kExposurePrior * kExposurePrior);
-    Eigen::MatrixXd A = prior * Eigen::MatrixXd::Identity(num_views, num_views);
-    Eigen::VectorXd b = Eigen::VectorXd::Zero(num_views);
-    for (const std::vector<LogBrightness>& all : brightness) {
-      for (std::size_t m = 0; m < all.size(); ++m) {
-        for (std::size_t n = m + 1; n < all.size(); ++n) {
-          const int i = all[m].view;
-          const int j = all[n].view;
-          const double difference = all[n].value - all[m].value;
-          const double residual =
-              std::abs(gain[i] - gain[j] - difference) / kExposureHuber;
-          const double weight = all[m].quality * all[n].quality /
-                                (kExposureHuber * kExposureHuber) /
-                                std::max(1.0, residual);
-          A(i, i) += weight;
-          A(j, j) += weight;
-          A(i, j) -= weight;
-          A(j, i) -= weight;
-          b[i] += weight * difference;
-          b[j] -= weight * difference;
-        }
-      }
-    }
-    gain = A.ldlt().solve(b);
-  }
-  return gain;
-}
-
 void EqualiseExposure(ObservationsPerVertex* observations,
                       std::vector<PreparedView>* views) {
   const int num_views = static_cast<int>(views->size());
   ParallelFor(3, [&](int channel) {
     const Eigen::VectorXd gain =
-        SolveLogGains(*observations, num_views, channel);
+        SolveLogGains(LogBrightnesses(*observations, channel),
+                      num_views,
+                      kExposureHuber,
+                      kExposurePrior);
     for (int i = 0; i < num_views; ++i) {
       (*views)[i].gain[channel] = static_cast<float>(std::exp(gain[i]));
     }

@@ -42,6 +42,21 @@ std::vector<double> ListDepths(const DepthSearch& search) {
   return depths;
 }
 
+// About the surface as it stands; nothing where lightness does not count.
+LightnessAgreement MeasureLightness(const PatchMatcher& matcher,
+                                    const RayScene& scene,
+                                    const std::vector<DepthQuery>& queries,
+                                    double visible_tolerance) {
+  const PatchOptions& options = matcher.options();
+  if (options.lightness == 0 && options.lightness_two_views == 0) return {};
+  std::vector<Vector3d> points, normals;
+  for (const DepthQuery& query : queries) {
+    points.push_back(query.point_in_world);
+    normals.push_back(query.unit_normal);
+  }
+  return matcher.MeasureLightness(scene, points, normals, visible_tolerance);
+}
+
 }  // namespace
 
 DepthMatches MatchDepths(const PatchMatcher& matcher,
@@ -55,6 +70,8 @@ DepthMatches MatchDepths(const PatchMatcher& matcher,
   const double pixel = matcher.options().spacing;
   // A patch that the surface bends away from says nothing.
   const double half = 0.5 * (matcher.options().side - 1) * pixel;
+  const LightnessAgreement agreement =
+      MeasureLightness(matcher, scene, queries, search.visible_tolerance);
   std::vector<float> evidence(num_queries * num_labels, kUnseen);
   std::vector<float> cost(evidence.size());
   std::vector<char> seen(num_queries, 0);
@@ -77,8 +94,12 @@ DepthMatches MatchDepths(const PatchMatcher& matcher,
               possible.push_back(depth);
             }
           }
-          const std::vector<float> found = matcher.Evidence(
-              views, query.point_in_world, query.unit_normal, possible);
+          const std::vector<float> found =
+              matcher.Evidence(views,
+                               query.point_in_world,
+                               query.unit_normal,
+                               possible,
+                               agreement);
           size_t next = 0;
           for (size_t k = 0; k < num_labels; ++k) {
             float& e = evidence[i * num_labels + k];

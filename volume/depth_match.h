@@ -46,11 +46,12 @@ struct DepthMatches {
   double supported_share = 0;
 };
 
-// Where below their points the pictures agree (algorithm: correlations of
-// tangent-plane patches at every depth; belief propagation over `edges`, pairs
-// of queries; a parabola between the steps; the bend of the log likelihood is
-// the precision). Points without texture, or where a depth is no better than
-// most others, get no match. `scene` is the surface the points lie on.
+// Where below their points the pictures agree (algorithm: correlations and
+// lightness of tangent-plane patches at every depth; belief propagation over
+// `edges`, pairs of queries; a parabola between the steps; the bend of the log
+// likelihood is the precision). Points without texture, or where a depth is no
+// better than most others, get no match. `scene` is the surface the points lie
+// on.
 DepthMatches MatchDepths(const PatchMatcher& matcher,
                          const RayScene& scene,
                          const std::vector<DepthQuery>& queries,

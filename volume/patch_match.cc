@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "capture/colour.h"
+#include "capture/exposure.h"
 #include "model/median.h"
 
 namespace sweepfit {
@@ -23,6 +24,44 @@ constexpr double kSmoothing = 0.6;
 constexpr double kNoiseLeft = 0.4;
 // Rounding to 8 bit alone leaves this much noise, CIELAB L.
 constexpr double kLeastNoise = 0.05;
+
+// Log lightness: the exposures of cameras differ by less than the prior, and
+// places whose difference is beyond the threshold are not seen as they are.
+constexpr double kGainPrior = 0.3;
+constexpr double kGainHuber = 0.03;
+// The difference between two views of one place has this share of the spread
+// about a surface that is not the true one yet, and is at least so much.
+constexpr double kSpreadShare = 0.6;
+constexpr double kLeastSpread = 0.008;
+// Of unrelated places, and how often gloss and shadows make one place look so.
+constexpr double kUnrelatedSpread = 0.25;
+constexpr double kUnrelatedShare = 0.1;
+// Every so many points are enough to measure it.
+constexpr size_t kMeasureStride = 3;
+
+// L + 16 is proportional to the cube root of luminance: exposure adds to its
+// logarithm.
+double LogLightness(double lightness) {
+  return std::log(std::max(lightness, 0.0) + 16);
+}
+
+// p(difference | same place) / p(difference | unrelated places), both normal,
+// the first with a share of outliers.
+class LightnessRatio {
+ public:
+  explicit LightnessRatio(double sigma)
+      : peak_((1 - kUnrelatedShare) * kUnrelatedSpread / sigma),
+        precision_(0.5 / (sigma * sigma) -
+                   0.5 / (kUnrelatedSpread * kUnrelatedSpread)) {}
+
+  double operator()(double difference) const {
+    return kUnrelatedShare +
+           peak_ * std::exp(-precision_ * difference * difference);
+  }
+
+ private:
+  double peak_, precision_;
+};
 
 // CIELAB L of a part of the picture.
 cv::Mat1f Lightness(const cv::Mat3b& image, const cv::Rect& part) {
@@ -181,8 +220,7 @@ bool PatchMatcher::SamplePatch(const Picture& picture,
                                const Vector3d& center_in_world,
                                const Vector3d& step_a,
                                const Vector3d& step_b,
-                               double slope,
-                               Eigen::ArrayXf* patch) const {
+                               Patch* patch) const {
   const Camera& camera = picture.camera;
   const Vector3d in_camera = camera.PointInCamera(center_in_world);
   if (!(in_camera.z() > 1e-3)) return false;
@@ -214,7 +252,7 @@ bool PatchMatcher::SamplePatch(const Picture& picture,
   }
   const Eigen::Vector2f at = in_box.cast<float>();
   const Eigen::Vector2f to_a = pa.cast<float>(), to_b = pb.cast<float>();
-  Eigen::ArrayXf& values = *patch;
+  Eigen::ArrayXf& values = patch->values;
   values.resize(tap_weight_.size());
   const auto stride = static_cast<std::ptrdiff_t>(image.step1());
   const float* pixels = image[0];
@@ -231,12 +269,13 @@ bool PatchMatcher::SamplePatch(const Picture& picture,
     const float lower = bottom[0] + fx * (bottom[1] - bottom[0]);
     values[t] = upper + fy * (lower - upper);
   }
-  values -= (tap_weight_ * values).sum();
-  if (slope < 1) {
+  const float mean = (tap_weight_ * values).sum();
+  patch->log_lightness = LogLightness(mean);
+  values -= mean;
+  if (!options_.with_slope) {
     // The taps are symmetric: the two slopes do not depend on each other.
-    const float away = static_cast<float>(1 - slope) / tap_spread_;
-    const float slope_a = away * (tap_weight_ * tap_a_ * values).sum();
-    const float slope_b = away * (tap_weight_ * tap_b_ * values).sum();
+    const float slope_a = (tap_weight_ * tap_a_ * values).sum() / tap_spread_;
+    const float slope_b = (tap_weight_ * tap_b_ * values).sum() / tap_spread_;
     values -= slope_a * tap_a_ + slope_b * tap_b_;
   }
   const double variance = (tap_weight_ * values.square()).sum();
@@ -246,43 +285,92 @@ bool PatchMatcher::SamplePatch(const Picture& picture,
   return true;
 }
 
+LightnessAgreement PatchMatcher::MeasureLightness(
+    const RayScene& scene,
+    const std::vector<Vector3d>& points_in_world,
+    const std::vector<Vector3d>& unit_normals,
+    double tolerance) const {
+  const int num_views = static_cast<int>(pictures_.size());
+  std::vector<std::vector<LogBrightness>> places(
+      (points_in_world.size() + kMeasureStride - 1) / kMeasureStride);
+  tbb::parallel_for(size_t{0}, places.size(), [&](size_t k) {
+    const Vector3d& point = points_in_world[kMeasureStride * k];
+    const Vector3d& normal = unit_normals[kMeasureStride * k];
+    const Vector3d step_a = options_.spacing * normal.unitOrthogonal();
+    const Vector3d step_b = normal.cross(step_a);
+    Patch patch;
+    for (const int view : VisibleViews(scene, point, normal, tolerance)) {
+      if (SamplePatch(pictures_[view], point, step_a, step_b, &patch)) {
+        places[k].push_back({view, patch.log_lightness});
+      }
+    }
+  });
+  LightnessAgreement agreement;
+  agreement.log_gain = SolveLogGains(places, num_views, kGainHuber, kGainPrior);
+  std::vector<double> differences;
+  for (std::vector<LogBrightness>& place : places) {
+    for (LogBrightness& seen : place) {
+      seen.value += agreement.log_gain[seen.view];
+    }
+    for (size_t i = 0; i < place.size(); ++i) {
+      for (size_t j = i + 1; j < place.size(); ++j) {
+        differences.push_back(std::abs(place[i].value - place[j].value));
+      }
+    }
+  }
+  agreement.sigma = kLeastSpread;
+  if (!differences.empty()) {
+    constexpr double kMedianOfAbs = 0.6745;  // of a standard normal variable
+    agreement.sigma =
+        std::clamp(kSpreadShare * MedianInPlace(&differences) / kMedianOfAbs,
+                   kLeastSpread,
+                   0.9 * kUnrelatedSpread);
+  }
+  return agreement;
+}
+
 std::vector<float> PatchMatcher::Evidence(
     const std::vector<int>& views,
     const Vector3d& point_in_world,
     const Vector3d& unit_normal,
-    const std::vector<double>& depths) const {
+    const std::vector<double>& depths,
+    const LightnessAgreement& agreement) const {
   std::vector<float> evidence(depths.size(), kUnseen);
   if (views.size() < 2) return evidence;
   const Vector3d step_a = options_.spacing * unit_normal.unitOrthogonal();
   const Vector3d step_b = unit_normal.cross(step_a);
-  const double slope =
-      views.size() > 2 ? options_.slope : options_.slope_two_views;
-  std::vector<Eigen::ArrayXf> patches(views.size());
+  const double lightness =
+      views.size() > 2 ? options_.lightness : options_.lightness_two_views;
+  const LightnessRatio ratio(agreement.sigma);
+  std::vector<Patch> patches(views.size());
   for (size_t k = 0; k < depths.size(); ++k) {
     const Vector3d center = point_in_world - depths[k] * unit_normal;
     size_t count = 0;
     for (const int view : views) {
-      if (SamplePatch(pictures_[view],
-                      center,
-                      step_a,
-                      step_b,
-                      slope,
-                      &patches[count])) {
-        ++count;
+      Patch& patch = patches[count];
+      if (!SamplePatch(pictures_[view], center, step_a, step_b, &patch)) {
+        continue;
       }
+      if (lightness > 0) patch.log_lightness += agreement.log_gain[view];
+      ++count;
     }
     if (count < 2) continue;
-    double sum = 0;
+    double sum = 0, ratios = 1;
     int pairs = 0;
     for (size_t i = 0; i < count; ++i) {
       for (size_t j = i + 1; j < count; ++j) {
-        const float r = std::clamp((patches[i] * patches[j]).sum(), 0.f, 0.99f);
+        const float r = std::clamp(
+            (patches[i].values * patches[j].values).sum(), 0.f, 0.99f);
         sum -= 0.5 * options_.effective_taps * std::log(1 - r * r);
+        if (lightness > 0) {
+          ratios *= ratio(patches[i].log_lightness - patches[j].log_lightness);
+        }
         ++pairs;
       }
     }
-    evidence[k] =
-        static_cast<float>(static_cast<double>(count - 1) / pairs * sum);
+    sum += lightness * std::log(ratios);
+    evidence[k] = static_cast<float>(
+        std::max(0.0, static_cast<double>(count - 1) / pairs * sum));
   }
   return evidence;
 }

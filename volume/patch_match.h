@@ -16,11 +16,19 @@ struct PatchOptions {
   double min_facing = 0.35;   // cosine to the normal
   int max_views = 6;          // the most frontal ones
   double effective_taps = 8;  // as many are independent of each other
-  // How far a patch's slope of lightness counts, 0 to 1. It is texture and
-  // shading; shading agrees nearly anywhere. Where only two views see a patch
-  // it is missed more.
-  double slope = 1;
-  double slope_two_views = 1;
+  // A patch's slope of lightness is texture and shading; as a pattern, shading
+  // agrees nearly anywhere.
+  bool with_slope = true;
+  // How much the likelihood of equal lightness counts beside that of equal
+  // patterns, and how much where only two views see a patch.
+  double lightness = 0;
+  double lightness_two_views = 0;
+};
+
+// How the lightness of one place differs between the views.
+struct LightnessAgreement {
+  Eigen::VectorXd log_gain;  // per view: to be added to its log lightness
+  double sigma = 1;          // of the difference that is left between two views
 };
 
 // Instead of evidence: the pictures cannot say. Evidence itself is >= 0.
@@ -43,15 +51,27 @@ class PatchMatcher {
                                 const Eigen::Vector3d& unit_normal,
                                 double tolerance) const;
 
+  // How well the views agree on the lightness of a surface that is nearly the
+  // true one: what is matt looks equally light from everywhere, but for the
+  // exposures. A surface that is still off, gloss and changing light widen it.
+  LightnessAgreement MeasureLightness(
+      const RayScene& scene,
+      const std::vector<Eigen::Vector3d>& points_in_world,
+      const std::vector<Eigen::Vector3d>& unit_normals,
+      double tolerance) const;
+
   // Log likelihood ratio, "the views show the same patch here" against "they
   // show unrelated patches", for the patches at point - depth * normal. From
-  // the correlations r of all pairs of views, shrunk by the noise,
-  //   (m - 1) / pairs * sum_pairs  -taps / 2 * ln(1 - max(r, 0)^2).
-  // kUnseen where fewer than two views see the whole patch.
+  // the correlations r of all pairs of views, shrunk by the noise, and the
+  // differences d of their log lightness,
+  //   (m - 1) / pairs * sum_pairs  -taps / 2 * ln(1 - max(r, 0)^2)
+  //       + options.lightness * ln(p(d | same) / p(d | unrelated)),
+  // at least 0. kUnseen where fewer than two views see the whole patch.
   std::vector<float> Evidence(const std::vector<int>& views,
                               const Eigen::Vector3d& point_in_world,
                               const Eigen::Vector3d& unit_normal,
-                              const std::vector<double>& depths) const;
+                              const std::vector<double>& depths,
+                              const LightnessAgreement& agreement) const;
 
  private:
   struct Picture {
@@ -63,12 +83,16 @@ class PatchMatcher {
     Eigen::Vector3d center_in_world;
   };
 
+  // What a view shows of a patch.
+  struct Patch {
+    Eigen::ArrayXf values;     // of unit length, times the roots of the weights
+    double log_lightness = 0;  // of its mean
+  };
   bool SamplePatch(const Picture& picture,
                    const Eigen::Vector3d& center_in_world,
                    const Eigen::Vector3d& step_a,
                    const Eigen::Vector3d& step_b,
-                   double slope,
-                   Eigen::ArrayXf* patch) const;
+                   Patch* patch) const;
 
   PatchOptions options_;
   std::vector<Picture> pictures_;

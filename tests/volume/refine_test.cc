@@ -58,7 +58,7 @@ TEST(PhotoTest, LowersTheErrorWhereThereIsTexture) {
   const auto body = Valley();
   for (const int count : {8, 16}) {
     const std::vector<View> views =
-        PaintRing(body, kMiddle, count, kSize, kTexture);
+        PaintRing(body, kMiddle, count, kSize, {kTexture});
     const Volume hull = Build(views, "hull");
     StageSummary summary;
     const Volume photo = Build(views, "photo", &summary);
@@ -73,7 +73,7 @@ TEST(PhotoTest, LowersTheErrorWhereThereIsTexture) {
 
 TEST(PhotoTest, KeepsTheHullWithoutTexture) {
   const auto body = Valley();
-  const std::vector<View> views = PaintRing(body, kMiddle, 8, kSize, 0);
+  const std::vector<View> views = PaintRing(body, kMiddle, 8, kSize, {});
   StageSummary summary;
   const Volume photo = Build(views, "photo", &summary);
   EXPECT_THAT(summary.figures["photo"].get<std::string>(), HasSubstr("off"));
@@ -94,7 +94,8 @@ void ExpectCovered(const std::vector<View>& views,
 
 TEST(GreedyTest, CarvesButKeepsTheSilhouettesCovered) {
   const auto body = Valley();
-  const std::vector<View> views = PaintRing(body, kMiddle, 8, kSize, kTexture);
+  const std::vector<View> views =
+      PaintRing(body, kMiddle, 8, kSize, {kTexture});
   const Volume hull = Build(views, "hull");
   StageSummary summary;
   const Volume carved = Build(views, "greedy", &summary);
@@ -111,7 +112,7 @@ TEST(GreedyTest, CarvesButKeepsTheSilhouettesCovered) {
 TEST(GreedyTest, ComesCloserToAPerson) {
   const auto body = testing::MakePerson(0.8, 0.3, {0, 0, 0}).capsules;
   const std::vector<View> views =
-      PaintRing(body, {0, 0.85, 0}, 8, kSize, kTexture);
+      PaintRing(body, {0, 0.85, 0}, 8, kSize, {kTexture});
   const Volume hull = Build(views, "hull");
   StageSummary summary;
   const Volume carved = Build(views, "greedy", &summary);
@@ -125,7 +126,7 @@ TEST(GreedyTest, ComesCloserToAPerson) {
 
 TEST(GreedyTest, LeavesOneColourAlone) {
   const auto body = Valley();
-  const std::vector<View> views = PaintRing(body, kMiddle, 8, kSize, 0);
+  const std::vector<View> views = PaintRing(body, kMiddle, 8, kSize, {});
   StageSummary summary;
   Build(views, "greedy", &summary);
   EXPECT_EQ(summary.figures["carved_voxels"].get<int>(), 0);
@@ -133,7 +134,7 @@ TEST(GreedyTest, LeavesOneColourAlone) {
 
 TEST(RefineTest, SameBytesForAnyNumberOfThreads) {
   const std::vector<View> views =
-      PaintRing(Valley(), kMiddle, 6, kSize, kTexture);
+      PaintRing(Valley(), kMiddle, 6, kSize, {kTexture});
   const TemporaryFolder folder;
   for (const std::string mode : {"photo", "greedy"}) {
     std::string bytes[2];

@@ -67,10 +67,18 @@ inline double CapsuleDistance(const std::vector<Capsule>& capsules,
   return nearest;
 }
 
-// Adds picture and coverage to a view that RenderCapsules made. `contrast`: of
-// the solid texture, grey levels (0: only shading); with noise of one level.
+// How a body looks, grey levels; always with noise of one level and light from
+// above.
+struct Paint {
+  double contrast = 0;    // of the solid texture
+  double side_light = 0;  // from +x
+  // Every other camera is exposed longer by this factor of linear light.
+  double exposure = 1;
+};
+
+// Adds picture and coverage to a view that RenderCapsules made.
 inline void PaintCapsules(const std::vector<Capsule>& capsules,
-                          double contrast,
+                          const Paint& paint,
                           View* view) {
   const Camera& camera = view->camera;
   view->image.create(camera.height, camera.width);
@@ -92,10 +100,12 @@ inline void PaintCapsules(const std::vector<Capsule>& capsules,
           at += d;
         }
         const Eigen::Vector3d point = center + at * ray;
-        grey = 120 + 30 * normal.y() +
-               contrast * (SolidNoise(point, 0.03) + SolidNoise(point, 0.012));
+        grey = 120 + 30 * normal.y() + paint.side_light * normal.x() +
+               paint.contrast *
+                   (SolidNoise(point, 0.03) + SolidNoise(point, 0.012));
       }
       const auto seed = static_cast<int>(camera.id.back());
+      if (seed % 2 == 1) grey *= std::pow(paint.exposure, 1 / 2.2);
       grey += LatticeNoise(u, v, seed);
       const auto value =
           static_cast<unsigned char>(std::clamp(grey + 0.5, 0.0, 255.0));
@@ -108,9 +118,9 @@ inline std::vector<View> PaintRing(const std::vector<Capsule>& capsules,
                                    const Eigen::Vector3d& target,
                                    int count,
                                    int size,
-                                   double contrast) {
+                                   const Paint& paint) {
   std::vector<View> views = RenderRing(capsules, target, count, size);
-  for (View& view : views) PaintCapsules(capsules, contrast, &view);
+  for (View& view : views) PaintCapsules(capsules, paint, &view);
   return views;
 }
 
