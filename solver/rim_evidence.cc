@@ -131,7 +131,9 @@ std::vector<RimPoint> FindRim(const PosedBody& body,
                               const View& view,
                               int view_index,
                               bool has_opposite,
-                              double rival_weight) {
+                              const OutlineOptions& options) {
+  const double rival_weight =
+      has_opposite ? options.opposite_rival_weight : options.inner_rival_weight;
   const Camera scaled =
       CropToMesh(ScaledPinhole(view.camera, kOutlineScale), body.mesh);
   const Outline outline =
@@ -332,8 +334,10 @@ int NumOutlines(const std::vector<View>& views) {
 }
 
 std::optional<std::string> OutlineOptions::Check() const {
-  if (!(rival_weight >= 0 && rival_weight <= 1)) {
-    return "outlines.rival_weight must be 0 to 1";
+  for (const double weight : {inner_rival_weight, opposite_rival_weight}) {
+    if (!(weight >= 0 && weight <= 1)) {
+      return "outlines.*_rival_weight must be 0 to 1";
+    }
   }
   return std::nullopt;
 }
@@ -353,12 +357,8 @@ RimEvidence GatherRimEvidence(const PosedBody& body,
   std::vector<PerView> per_view(views.size());
   tbb::parallel_for(size_t{0}, views.size(), [&](size_t v) {
     PerView& result = per_view[v];
-    result.rim = FindRim(body,
-                         quads,
-                         views[v],
-                         static_cast<int>(v),
-                         has_opposite[v],
-                         options.rival_weight);
+    result.rim = FindRim(
+        body, quads, views[v], static_cast<int>(v), has_opposite[v], options);
     PairContour(result.rim,
                 contours[v],
                 max_distance,

@@ -75,11 +75,12 @@ std::vector<bool> HaveOpposite(const std::vector<View>& views);
 int NumOutlines(const std::vector<View>& views);
 
 struct OutlineOptions {
-  // Weight of a rim that runs beside another part's. The outline shows the
+  // Weights of a rim that runs beside another part's. The outline shows the
   // outer one of the two and would draw the inner one outwards, so the inner
-  // one has this weight. Both have it in views with an opposite one, which sees
-  // the same outline with the other part in front.
-  double rival_weight = 0.2;
+  // one says little. In views with an opposite one, which sees the same outline
+  // with the other part in front, both do.
+  double inner_rival_weight = 0.1;
+  double opposite_rival_weight = 0.2;
   std::optional<std::string> Check() const;
 };
 

@@ -80,7 +80,8 @@ TEST_F(OwnOutline, OppositeCamerasShareTheOutlineOfLegsSideBySide) {
   EXPECT_GT(LegShare(Look({kLeft})), 0.99);
   EXPECT_GT(LegShare(Look({kLeft, kFront})), 0.99);
   // As asked for.
-  EXPECT_GT(LegShare(Look({kLeft, kRight}, {.rival_weight = 1})), 0.99);
+  EXPECT_GT(LegShare(Look({kLeft, kRight}, {.opposite_rival_weight = 1})),
+            0.99);
 }
 
 TEST_F(OwnOutline, InnerOfTwoRimsSideBySideSaysLittle) {
@@ -98,7 +99,7 @@ TEST_F(OwnOutline, InnerOfTwoRimsSideBySideSaysLittle) {
     return rims;
   };
   int num_inner = 0, num_outer = 0;
-  const std::vector<RimPoint> rims = legs({.rival_weight = 0.2});
+  const std::vector<RimPoint> rims = legs({.inner_rival_weight = 0.2});
   for (const RimPoint& rim : rims) {
     const bool is_inner =
         std::any_of(rims.begin(), rims.end(), [&](const RimPoint& other) {
@@ -109,13 +110,16 @@ TEST_F(OwnOutline, InnerOfTwoRimsSideBySideSaysLittle) {
                  offset.norm() < 3 && other.normal.dot(rim.normal) > 0.9 &&
                  offset.dot(rim.normal) > 0.5;
         });
-    if (is_inner) EXPECT_EQ(rim.trust, 0.2);
+    if (is_inner) {
+      EXPECT_EQ(rim.trust, 0.2);
+    }
     num_inner += is_inner;
     num_outer += rim.trust == 1;
   }
   EXPECT_GT(num_inner, 0);
   EXPECT_GT(num_outer, num_inner);
-  for (const RimPoint& rim : legs({.rival_weight = 1})) EXPECT_EQ(rim.trust, 1);
+  for (const RimPoint& rim : legs({.inner_rival_weight = 1}))
+    EXPECT_EQ(rim.trust, 1);
 }
 
 std::vector<View> Stand(const std::vector<Vector3d>& places) {

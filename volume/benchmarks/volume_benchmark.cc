@@ -31,7 +31,7 @@ const std::vector<View>& Views(int cameras) {
                            kMiddle,
                            cameras,
                            kPictureSize,
-                           kContrast);
+                           {kContrast});
   }
   return views;
 }
