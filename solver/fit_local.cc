@@ -161,7 +161,7 @@ double AddEvidence(const PoseEvidence& evidence,
              new ceres::TukeyLoss(6),
              problem);
   }
-  for (const PhotoPoint& seen : pictures.photo) {
+  for (const PhotoPoint& seen : pictures.photo.points) {
     const double weight =
         evidence.photo->options().weight * FeatureWeight(body, seen.vertex);
     if (weight <= 0 || at(seen.vertex).blocks.empty()) continue;

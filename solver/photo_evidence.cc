@@ -47,11 +47,11 @@ const PhotoEvidenceOptions& PhotoEvidence::options() const {
   return impl_->options;
 }
 
-std::vector<PhotoPoint> PhotoEvidence::Match(const PosedBody& posed,
-                                             const RayScene& scene,
-                                             const std::vector<Quad>& quads,
-                                             double reach,
-                                             double step_pixels) const {
+PhotoMatches PhotoEvidence::Match(const PosedBody& posed,
+                                  const RayScene& scene,
+                                  const std::vector<Quad>& quads,
+                                  double reach,
+                                  double step_pixels) const {
   const std::vector<Eigen::Vector3d>& vertices = posed.mesh.vertices;
   const std::vector<double> thickness =
       SurfaceThickness(scene, vertices, posed.normals);
@@ -77,16 +77,17 @@ std::vector<PhotoPoint> PhotoEvidence::Match(const PosedBody& posed,
   search.to = steps * search.step;
   const DepthMatches found =
       MatchDepths(impl_->matcher, scene, queries, edges, search);
-  std::vector<PhotoPoint> points;
+  PhotoMatches matches;
+  matches.lightness_sigma = found.lightness_sigma;
   for (const DepthMatch& match : found.matches) {
     const DepthQuery& query = queries[match.query];
-    points.push_back(
+    matches.points.push_back(
         {match.query,
          query.point_in_world - match.depth * query.unit_normal,
          query.unit_normal,
          std::max(impl_->options.sigma, 1 / std::sqrt(match.weight))});
   }
-  return points;
+  return matches;
 }
 
 }  // namespace sweepfit

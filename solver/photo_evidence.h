@@ -33,6 +33,13 @@ struct PhotoPoint {
   double sigma;  // along the normal, metres
 };
 
+struct PhotoMatches {
+  std::vector<PhotoPoint> points;
+  // How far the views differ about the ln of the lightness of one place, their
+  // exposures apart; 0 where lightness does not count.
+  double lightness_sigma = 0;
+};
+
 // Finds the surface by matching the photographs about a body that nearly fits:
 // unlike the outlines it sees hollows, and unlike the hull it is not biased.
 class PhotoEvidence {
@@ -48,11 +55,11 @@ class PhotoEvidence {
   // vertices, in steps of `step_pixels` pixels. Never outside the hull. Parts
   // that are thinner than a patch, and plain ones, get no points.
   // `scene` is the body's mesh.
-  std::vector<PhotoPoint> Match(const PosedBody& posed,
-                                const RayScene& scene,
-                                const std::vector<Quad>& quads,
-                                double reach,
-                                double step_pixels) const;
+  PhotoMatches Match(const PosedBody& posed,
+                     const RayScene& scene,
+                     const std::vector<Quad>& quads,
+                     double reach,
+                     double step_pixels) const;
 
   const PhotoEvidenceOptions& options() const;
 

@@ -34,7 +34,7 @@ RimEvidence GatherRims(const PoseEvidence& evidence,
 
 // What the pictures of one pose show inside the outlines.
 struct PictureMatches {
-  std::vector<PhotoPoint> photo;
+  PhotoMatches photo;
   std::vector<ContourPair> inner;
 };
 // How far about the body that is looked for.

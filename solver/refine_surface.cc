@@ -255,7 +255,7 @@ void AddTargets(const PoseEvidence& evidence,
         pair.weight,
         sigma_rim);
   }
-  for (const PhotoPoint& point : pictures.photo) {
+  for (const PhotoPoint& point : pictures.photo.points) {
     const int v = point.vertex;
     const double target =
         point.unit_normal.dot(point.point_in_world - posed.mesh.vertices[v]);
@@ -358,8 +358,10 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
     standing = std::move(moved);
   }
   size_t num_photo_points = 0, num_inner_points = 0;
+  double lightness_sigma = 0;
   for (const PictureMatches& of_pose : pictures) {
-    num_photo_points += of_pose.photo.size();
+    num_photo_points += of_pose.photo.points.size();
+    lightness_sigma = std::max(lightness_sigma, of_pose.photo.lightness_sigma);
     num_inner_points += of_pose.inner.size();
   }
   double largest = 0;
@@ -368,6 +370,8 @@ void RefineSurface(const std::vector<PoseEvidence>& evidence,
   }
   summary->figures["rounds"] = rounds;
   summary->figures["photo_points"] = num_photo_points;
+  // Of the pose that is worst off: gloss and changing light show here.
+  summary->figures["lightness_sigma"] = lightness_sigma;
   summary->figures["inner_contour_points"] = num_inner_points;
   summary->figures["rim_error_end_mm"] = 1000 * standing.rim_error;
   summary->figures["largest_displacement_mm"] = 1000 * largest;

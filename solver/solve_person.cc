@@ -80,8 +80,8 @@ void AddSurface(const PoseEvidence& evidence,
                       new ceres::TukeyLoss(6));
   }
   if (pictures != nullptr) {
-    for (size_t i = 0; i < pictures->photo.size(); i += stride) {
-      const PhotoPoint& seen = pictures->photo[i];
+    for (size_t i = 0; i < pictures->photo.points.size(); i += stride) {
+      const PhotoPoint& seen = pictures->photo.points[i];
       problem->AddPoint(
           Family::kPhoto,
           pose,

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <optional>
 
 #include "model/median.h"
 #include "volume/sub_step.h"
@@ -43,12 +44,15 @@ std::vector<double> ListDepths(const DepthSearch& search) {
 }
 
 // About the surface as it stands; nothing where lightness does not count.
-LightnessAgreement MeasureLightness(const PatchMatcher& matcher,
-                                    const RayScene& scene,
-                                    const std::vector<DepthQuery>& queries,
-                                    double visible_tolerance) {
+std::optional<LightnessAgreement> MeasureLightness(
+    const PatchMatcher& matcher,
+    const RayScene& scene,
+    const std::vector<DepthQuery>& queries,
+    double visible_tolerance) {
   const PatchOptions& options = matcher.options();
-  if (options.lightness == 0 && options.lightness_two_views == 0) return {};
+  if (options.lightness == 0 && options.lightness_two_views == 0) {
+    return std::nullopt;
+  }
   std::vector<Vector3d> points, normals;
   for (const DepthQuery& query : queries) {
     points.push_back(query.point_in_world);
@@ -70,7 +74,7 @@ DepthMatches MatchDepths(const PatchMatcher& matcher,
   const double pixel = matcher.options().spacing;
   // A patch that the surface bends away from says nothing.
   const double half = 0.5 * (matcher.options().side - 1) * pixel;
-  const LightnessAgreement agreement =
+  const std::optional<LightnessAgreement> agreement =
       MeasureLightness(matcher, scene, queries, search.visible_tolerance);
   std::vector<float> evidence(num_queries * num_labels, kUnseen);
   std::vector<float> cost(evidence.size());
@@ -99,7 +103,7 @@ DepthMatches MatchDepths(const PatchMatcher& matcher,
                                query.point_in_world,
                                query.unit_normal,
                                possible,
-                               agreement);
+                               agreement ? &*agreement : nullptr);
           size_t next = 0;
           for (size_t k = 0; k < num_labels; ++k) {
             float& e = evidence[i * num_labels + k];
@@ -125,6 +129,7 @@ DepthMatches MatchDepths(const PatchMatcher& matcher,
       kBeliefIterations);
 
   DepthMatches result;
+  if (agreement) result.lightness_sigma = agreement->sigma;
   int num_seen = 0;
   std::vector<float> sorted;
   const double sigma = search.sigma_match * pixel;

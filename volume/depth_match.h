@@ -44,6 +44,8 @@ struct DepthMatches {
   std::vector<DepthMatch> matches;
   // Share of the points that two views see that found a match.
   double supported_share = 0;
+  // LightnessAgreement::sigma; 0 where lightness does not count.
+  double lightness_sigma = 0;
 };
 
 // Where below their points the pictures agree (algorithm: correlations and

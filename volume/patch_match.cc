@@ -334,14 +334,15 @@ std::vector<float> PatchMatcher::Evidence(
     const Vector3d& point_in_world,
     const Vector3d& unit_normal,
     const std::vector<double>& depths,
-    const LightnessAgreement& agreement) const {
+    const LightnessAgreement* agreement) const {
   std::vector<float> evidence(depths.size(), kUnseen);
   if (views.size() < 2) return evidence;
   const Vector3d step_a = options_.spacing * unit_normal.unitOrthogonal();
   const Vector3d step_b = unit_normal.cross(step_a);
-  const double lightness =
-      views.size() > 2 ? options_.lightness : options_.lightness_two_views;
-  const LightnessRatio ratio(agreement.sigma);
+  const double lightness = agreement == nullptr ? 0
+                           : views.size() > 2   ? options_.lightness
+                                                : options_.lightness_two_views;
+  const LightnessRatio ratio(lightness > 0 ? agreement->sigma : 1);
   std::vector<Patch> patches(views.size());
   for (size_t k = 0; k < depths.size(); ++k) {
     const Vector3d center = point_in_world - depths[k] * unit_normal;
@@ -351,7 +352,7 @@ std::vector<float> PatchMatcher::Evidence(
       if (!SamplePatch(pictures_[view], center, step_a, step_b, &patch)) {
         continue;
       }
-      if (lightness > 0) patch.log_lightness += agreement.log_gain[view];
+      if (lightness > 0) patch.log_lightness += agreement->log_gain[view];
       ++count;
     }
     if (count < 2) continue;

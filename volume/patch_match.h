@@ -28,7 +28,7 @@ struct PatchOptions {
 // How the lightness of one place differs between the views.
 struct LightnessAgreement {
   Eigen::VectorXd log_gain;  // per view: to be added to its log lightness
-  double sigma = 1;          // of the difference that is left between two views
+  double sigma = 0;          // of the difference that is left between two views
 };
 
 // Instead of evidence: the pictures cannot say. Evidence itself is >= 0.
@@ -66,12 +66,13 @@ class PatchMatcher {
   // differences d of their log lightness,
   //   (m - 1) / pairs * sum_pairs  -taps / 2 * ln(1 - max(r, 0)^2)
   //       + options.lightness * ln(p(d | same) / p(d | unrelated)),
-  // at least 0. kUnseen where fewer than two views see the whole patch.
+  // at least 0; without `agreement` (null) by patterns alone. kUnseen where
+  // fewer than two views see the whole patch.
   std::vector<float> Evidence(const std::vector<int>& views,
                               const Eigen::Vector3d& point_in_world,
                               const Eigen::Vector3d& unit_normal,
                               const std::vector<double>& depths,
-                              const LightnessAgreement& agreement) const;
+                              const LightnessAgreement* agreement) const;
 
  private:
   struct Picture {

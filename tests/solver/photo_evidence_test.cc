@@ -59,7 +59,8 @@ Found MatchRing(const std::vector<Capsule>& capsules,
   const PosedBody& posed = found.body.posed;
   found.points =
       PhotoEvidence(views, found.hull, options)
-          .Match(posed, RayScene(posed.mesh), found.body.quads, reach, 0.85);
+          .Match(posed, RayScene(posed.mesh), found.body.quads, reach, 0.85)
+          .points;
   return found;
 }
 
@@ -124,7 +125,8 @@ Found MatchTrunk(const testing::Paint& paint,
   }
   found.points =
       PhotoEvidence(views, found.hull, options)
-          .Match(posed, RayScene(posed.mesh), found.body.quads, 0.018, 0.85);
+          .Match(posed, RayScene(posed.mesh), found.body.quads, 0.018, 0.85)
+          .points;
   return found;
 }
 

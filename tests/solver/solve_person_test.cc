@@ -80,10 +80,10 @@ class FrontAndBack : public ::testing::Test {
 TEST_F(FrontAndBack, PhotographsTellTheDepth) {
   const double without = DepthError({}, JointOptions::Weights().photo);
   const double with =
-      DepthError({{points_, {}}}, JointOptions::Weights().photo);
+      DepthError({{{points_}, {}}}, JointOptions::Weights().photo);
   EXPECT_LT(with, 0.003);
   EXPECT_LT(with, 0.5 * without);
-  EXPECT_DOUBLE_EQ(DepthError({{points_, {}}}, 0), without);
+  EXPECT_DOUBLE_EQ(DepthError({{{points_}, {}}}, 0), without);
 }
 
 }  // namespace
