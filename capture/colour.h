@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <opencv2/core.hpp>
 
 namespace sweepfit {
@@ -35,6 +37,11 @@ struct LightChange {
 inline LightChange ExplainByLight(const cv::Vec3f& to, const cv::Vec3f& from) {
   const float factor = (to[0] + 16) / (from[0] + 16);
   return {factor, to[1] - factor * from[1], to[2] - factor * from[2]};
+}
+
+// ln(L + 16): exposure adds to it, a third of its own logarithm.
+inline double LogLightness(double lightness) {
+  return std::log(std::max(lightness, 0.0) + 16);
 }
 
 }  // namespace sweepfit

@@ -43,24 +43,6 @@ std::vector<double> ListDepths(const DepthSearch& search) {
   return depths;
 }
 
-// About the surface as it stands; nothing where lightness does not count.
-std::optional<LightnessAgreement> MeasureLightness(
-    const PatchMatcher& matcher,
-    const RayScene& scene,
-    const std::vector<DepthQuery>& queries,
-    double visible_tolerance) {
-  const PatchOptions& options = matcher.options();
-  if (options.lightness == 0 && options.lightness_two_views == 0) {
-    return std::nullopt;
-  }
-  std::vector<Vector3d> points, normals;
-  for (const DepthQuery& query : queries) {
-    points.push_back(query.point_in_world);
-    normals.push_back(query.unit_normal);
-  }
-  return matcher.MeasureLightness(scene, points, normals, visible_tolerance);
-}
-
 }  // namespace
 
 DepthMatches MatchDepths(const PatchMatcher& matcher,
@@ -74,22 +56,29 @@ DepthMatches MatchDepths(const PatchMatcher& matcher,
   const double pixel = matcher.options().spacing;
   // A patch that the surface bends away from says nothing.
   const double half = 0.5 * (matcher.options().side - 1) * pixel;
-  const std::optional<LightnessAgreement> agreement =
-      MeasureLightness(matcher, scene, queries, search.visible_tolerance);
+  std::vector<SeenPoint> points(queries.size());
+  tbb::parallel_for(size_t{0}, points.size(), [&](size_t i) {
+    const DepthQuery& query = queries[i];
+    points[i] = {query.point_in_world,
+                 query.unit_normal,
+                 matcher.VisibleViews(scene,
+                                      query.point_in_world,
+                                      query.unit_normal,
+                                      search.visible_tolerance)};
+  });
+  // About the surface as it stands; nothing where lightness does not count.
+  std::optional<LightnessAgreement> agreement;
+  if (matcher.options().lightness > 0 ||
+      matcher.options().lightness_two_views > 0) {
+    agreement = matcher.MeasureLightness(points);
+  }
   std::vector<float> evidence(num_queries * num_labels, kUnseen);
   std::vector<float> cost(evidence.size());
-  std::vector<char> seen(num_queries, 0);
   tbb::parallel_for(
       tbb::blocked_range<int>(0, num_queries, 64),
       [&](const tbb::blocked_range<int>& part) {
         for (int i = part.begin(); i < part.end(); ++i) {
           const DepthQuery& query = queries[i];
-          const std::vector<int> views =
-              matcher.VisibleViews(scene,
-                                   query.point_in_world,
-                                   query.unit_normal,
-                                   search.visible_tolerance);
-          seen[i] = views.size() >= 2;
           const double most = kDepthShare * query.thickness;
           const bool flat = half * half < kMostSag * pixel * query.thickness;
           std::vector<double> possible;
@@ -98,12 +87,8 @@ DepthMatches MatchDepths(const PatchMatcher& matcher,
               possible.push_back(depth);
             }
           }
-          const std::vector<float> found =
-              matcher.Evidence(views,
-                               query.point_in_world,
-                               query.unit_normal,
-                               possible,
-                               agreement ? &*agreement : nullptr);
+          const std::vector<float> found = matcher.Evidence(
+              points[i], possible, agreement ? &*agreement : nullptr);
           size_t next = 0;
           for (size_t k = 0; k < num_labels; ++k) {
             float& e = evidence[i * num_labels + k];
@@ -137,7 +122,7 @@ DepthMatches MatchDepths(const PatchMatcher& matcher,
   const auto reach = std::max<size_t>(
       1, static_cast<size_t>(std::lround(kBendReach * pixel / search.step)));
   for (int i = 0; i < num_queries; ++i) {
-    num_seen += seen[i];
+    num_seen += points[i].views.size() >= 2;
     const float* b = &belief[i * num_labels];
     const float* e = &evidence[i * num_labels];
     const auto k = static_cast<size_t>(std::min_element(b, b + num_labels) - b);

@@ -25,6 +25,8 @@ constexpr double kNoiseLeft = 0.4;
 // Rounding to 8 bit alone leaves this much noise, CIELAB L.
 constexpr double kLeastNoise = 0.05;
 
+constexpr double kMedianOfAbs = 0.6745;  // of a standard normal variable
+
 // Log lightness: the exposures of cameras differ by less than the prior, and
 // places whose difference is beyond the threshold are not seen as they are.
 constexpr double kGainPrior = 0.3;
@@ -38,12 +40,6 @@ constexpr double kUnrelatedSpread = 0.25;
 constexpr double kUnrelatedShare = 0.1;
 // Every so many points are enough to measure it.
 constexpr size_t kMeasureStride = 3;
-
-// L + 16 is proportional to the cube root of luminance: exposure adds to its
-// logarithm.
-double LogLightness(double lightness) {
-  return std::log(std::max(lightness, 0.0) + 16);
-}
 
 // p(difference | same place) / p(difference | unrelated places), both normal,
 // the first with a share of outliers.
@@ -86,8 +82,7 @@ double MeasureNoise(const cv::Mat1f& lightness, const cv::Mat1f& coverage) {
     }
   }
   if (response.empty()) return kLeastNoise;
-  constexpr double kGain = 6;              // root of the sum of squared taps
-  constexpr double kMedianOfAbs = 0.6745;  // of a standard normal variable
+  constexpr double kGain = 6;  // root of the sum of squared taps
   return MedianInPlace(&response) / (kGain * kMedianOfAbs);
 }
 
@@ -286,20 +281,16 @@ bool PatchMatcher::SamplePatch(const Picture& picture,
 }
 
 LightnessAgreement PatchMatcher::MeasureLightness(
-    const RayScene& scene,
-    const std::vector<Vector3d>& points_in_world,
-    const std::vector<Vector3d>& unit_normals,
-    double tolerance) const {
+    const std::vector<SeenPoint>& points) const {
   const int num_views = static_cast<int>(pictures_.size());
   std::vector<std::vector<LogBrightness>> places(
-      (points_in_world.size() + kMeasureStride - 1) / kMeasureStride);
+      (points.size() + kMeasureStride - 1) / kMeasureStride);
   tbb::parallel_for(size_t{0}, places.size(), [&](size_t k) {
-    const Vector3d& point = points_in_world[kMeasureStride * k];
-    const Vector3d& normal = unit_normals[kMeasureStride * k];
+    const auto& [point, normal, views] = points[kMeasureStride * k];
     const Vector3d step_a = options_.spacing * normal.unitOrthogonal();
     const Vector3d step_b = normal.cross(step_a);
     Patch patch;
-    for (const int view : VisibleViews(scene, point, normal, tolerance)) {
+    for (const int view : views) {
       if (SamplePatch(pictures_[view], point, step_a, step_b, &patch)) {
         places[k].push_back({view, patch.log_lightness});
       }
@@ -320,7 +311,6 @@ LightnessAgreement PatchMatcher::MeasureLightness(
   }
   agreement.sigma = kLeastSpread;
   if (!differences.empty()) {
-    constexpr double kMedianOfAbs = 0.6745;  // of a standard normal variable
     agreement.sigma =
         std::clamp(kSpreadShare * MedianInPlace(&differences) / kMedianOfAbs,
                    kLeastSpread,
@@ -330,22 +320,21 @@ LightnessAgreement PatchMatcher::MeasureLightness(
 }
 
 std::vector<float> PatchMatcher::Evidence(
-    const std::vector<int>& views,
-    const Vector3d& point_in_world,
-    const Vector3d& unit_normal,
+    const SeenPoint& seen,
     const std::vector<double>& depths,
     const LightnessAgreement* agreement) const {
+  const auto& [point, normal, views] = seen;
   std::vector<float> evidence(depths.size(), kUnseen);
   if (views.size() < 2) return evidence;
-  const Vector3d step_a = options_.spacing * unit_normal.unitOrthogonal();
-  const Vector3d step_b = unit_normal.cross(step_a);
+  const Vector3d step_a = options_.spacing * normal.unitOrthogonal();
+  const Vector3d step_b = normal.cross(step_a);
   const double lightness = agreement == nullptr ? 0
                            : views.size() > 2   ? options_.lightness
                                                 : options_.lightness_two_views;
   const LightnessRatio ratio(lightness > 0 ? agreement->sigma : 1);
   std::vector<Patch> patches(views.size());
   for (size_t k = 0; k < depths.size(); ++k) {
-    const Vector3d center = point_in_world - depths[k] * unit_normal;
+    const Vector3d center = point - depths[k] * normal;
     size_t count = 0;
     for (const int view : views) {
       Patch& patch = patches[count];

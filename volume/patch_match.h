@@ -25,6 +25,13 @@ struct PatchOptions {
   double lightness_two_views = 0;
 };
 
+// A point of a surface and the views that see it, most frontal first.
+struct SeenPoint {
+  Eigen::Vector3d point_in_world;
+  Eigen::Vector3d unit_normal;
+  std::vector<int> views;
+};
+
 // How the lightness of one place differs between the views.
 struct LightnessAgreement {
   Eigen::VectorXd log_gain;  // per view: to be added to its log lightness
@@ -55,10 +62,7 @@ class PatchMatcher {
   // true one: what is matt looks equally light from everywhere, but for the
   // exposures. A surface that is still off, gloss and changing light widen it.
   LightnessAgreement MeasureLightness(
-      const RayScene& scene,
-      const std::vector<Eigen::Vector3d>& points_in_world,
-      const std::vector<Eigen::Vector3d>& unit_normals,
-      double tolerance) const;
+      const std::vector<SeenPoint>& points) const;
 
   // Log likelihood ratio, "the views show the same patch here" against "they
   // show unrelated patches", for the patches at point - depth * normal. From
@@ -68,9 +72,7 @@ class PatchMatcher {
   //       + options.lightness * ln(p(d | same) / p(d | unrelated)),
   // at least 0; without `agreement` (null) by patterns alone. kUnseen where
   // fewer than two views see the whole patch.
-  std::vector<float> Evidence(const std::vector<int>& views,
-                              const Eigen::Vector3d& point_in_world,
-                              const Eigen::Vector3d& unit_normal,
+  std::vector<float> Evidence(const SeenPoint& seen,
                               const std::vector<double>& depths,
                               const LightnessAgreement* agreement) const;
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <utility>
 
 #include "model/mesh.h"
 #include "tests/volume/textured_body.h"
@@ -47,6 +48,19 @@ struct Found {
            static_cast<double>(body.posed.mesh.vertices.size());
   }
 };
+// About that body, given the hull of the same views.
+Found MatchAbout(const std::vector<View>& views,
+                 Volume hull,
+                 NearBody body,
+                 double reach,
+                 const PhotoEvidenceOptions& options) {
+  std::vector<PhotoPoint> points =
+      PhotoEvidence(views, hull, options)
+          .Match(body.posed, RayScene(body.posed.mesh), body.quads, reach, 0.85)
+          .points;
+  return {std::move(hull), std::move(body), std::move(points)};
+}
+
 Found MatchRing(const std::vector<Capsule>& capsules,
                 int num_cameras,
                 const testing::Paint& paint,
@@ -54,14 +68,9 @@ Found MatchRing(const std::vector<Capsule>& capsules,
                 const PhotoEvidenceOptions& options) {
   const std::vector<View> views =
       testing::PaintRing(capsules, {0, 0.75, 0}, num_cameras, 480, paint);
-  Found found{BuildVisualHull(views, {0.008}, nullptr, nullptr), {}, {}};
-  found.body = BodyFromHull(found.hull);
-  const PosedBody& posed = found.body.posed;
-  found.points =
-      PhotoEvidence(views, found.hull, options)
-          .Match(posed, RayScene(posed.mesh), found.body.quads, reach, 0.85)
-          .points;
-  return found;
+  Volume hull = BuildVisualHull(views, {0.008}, nullptr, nullptr);
+  NearBody body = BodyFromHull(hull);
+  return MatchAbout(views, std::move(hull), std::move(body), reach, options);
 }
 
 // Mean distance of the points from the capsules, metres.
@@ -115,19 +124,17 @@ Found MatchTrunk(const testing::Paint& paint,
   const Vector3d middle(0, 0.75, 0);
   const std::vector<View> views =
       testing::PaintRing(kTrunk, middle, 4, 480, paint);
-  Found found{BuildVisualHull(views, {0.008}, nullptr, nullptr), {}, {}};
-  found.body = BodyFromHull(BuildVisualHull(
+  NearBody body = BodyFromHull(BuildVisualHull(
       testing::RenderRing(kTrunk, middle, 24, 480), {0.008}, nullptr, nullptr));
-  PosedBody& posed = found.body.posed;
-  for (size_t v = 0; v < posed.mesh.vertices.size(); ++v) {
-    Vector3d& vertex = posed.mesh.vertices[v];
-    vertex += 0.006 * std::sin(40 * vertex.y()) * posed.normals[v];
+  for (size_t v = 0; v < body.posed.mesh.vertices.size(); ++v) {
+    Vector3d& vertex = body.posed.mesh.vertices[v];
+    vertex += 0.006 * std::sin(40 * vertex.y()) * body.posed.normals[v];
   }
-  found.points =
-      PhotoEvidence(views, found.hull, options)
-          .Match(posed, RayScene(posed.mesh), found.body.quads, 0.018, 0.85)
-          .points;
-  return found;
+  return MatchAbout(views,
+                    BuildVisualHull(views, {0.008}, nullptr, nullptr),
+                    std::move(body),
+                    0.018,
+                    options);
 }
 
 // Nothing on the trunk but light that falls on it from one side.
